@@ -1,0 +1,1 @@
+"""A parametric human: body, masses, authored motions with exact ground truth, markers, degradation."""

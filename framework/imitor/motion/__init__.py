@@ -1,0 +1,1 @@
+"""Recorded human motion: motion files, skeletons, and the way from a file's world to ours."""
