@@ -7,7 +7,7 @@ facing +x, soles on z = 0, ankles at x = 0. Every segment's orientation is the i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
 from typing import Final
@@ -57,7 +57,7 @@ class Body:
     height_m: float = 1.75
     sex: str = "male"
     mass_kg: float = 70.0
-    ratios: Mapping[str, float] = MappingProxyType({})
+    ratios: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         for name in self.ratios:

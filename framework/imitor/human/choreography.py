@@ -180,7 +180,7 @@ class Choreography:
         """
         foot, t = self.feet[side], self.time
         s = np.clip((t - off) / (on - off), 0.0, 1.0)
-        start = foot.place[np.searchsorted(t, off, side="left") - 1].copy() if off > t[0] else foot.place[0].copy()
+        start = foot.place[-1].copy()  # steps are written in the order of time
         foot.place += minimum_jerk((s - 0.08) / 0.84)[:, None] * (np.asarray(to) - start)
         foot.place[t >= on] = to
         foot.lift += height * bump(s, 0.0, 1.0)

@@ -123,7 +123,7 @@ class Figure:
             pole = rot.unit(_across(pole, along))
             elbow = _bend(shoulder, target, along, pole, body.length("upper_arm"), body.length("forearm"))
             wrist = target
-            hinge = np.cross(along, pole)
+            hinge = np.cross(pole, along)
             R_upper = _outstretched(shoulder, elbow, hinge, SIGN[side])
             R_fore = _outstretched(elbow, wrist, hinge, SIGN[side])
             R_hand = rot.blend(R_hand, R_target, share)

@@ -188,11 +188,11 @@ def weights(segments: list[Segment], valid: BoolArray) -> Array | None:
     return w / total
 
 
-ALL_VALID: Final = np.ones(N_ROLES, dtype=bool)
-
-
 def full_weights(sex: str) -> Array:
-    """Return the weights of a body whose every role is known, by [deleva1996]."""
-    w = weights(deleva(sex), ALL_VALID)
-    assert w is not None  # noqa: S101  (every choice is open when all roles are known)
-    return w
+    """Return the weights (R,) of a body whose every role is known, by [deleva1996]."""
+    w = np.zeros(N_ROLES)
+    segments = deleva(sex)
+    for segment in segments:
+        for role, share in segment.choices[0].items():
+            w[ROLE_INDEX[role]] += segment.mass * share
+    return np.asarray(w / sum(segment.mass for segment in segments))

@@ -44,7 +44,7 @@ class Document:
     keys: dict[Loc, Mark] = field(default_factory=dict)
 
     def mark_of(self, loc: Loc, *, key: bool = False) -> Mark:
-        """Return the mark of the value (or of the key) at a place, else that of the nearest place around it."""
+        """Return the mark of the value (or of the key) at a place, else of the nearest place around it."""
         if key and loc in self.keys:
             return self.keys[loc]
         for n in range(len(loc), -1, -1):

@@ -1,6 +1,6 @@
 """Scalars by the core schema of YAML 1.2: what a plain word in a file means.
 
-PyYAML follows YAML 1.1, where ``on`` is true, ``1:30`` is 90, ``010`` is 8 and ``1e-4`` is text. None of that here.
+PyYAML follows YAML 1.1, where ``on`` is true, ``1:30`` is 90, ``010`` is 8 and ``1e-4`` is text; not so here.
 """
 
 from __future__ import annotations

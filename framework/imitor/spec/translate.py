@@ -34,7 +34,7 @@ _PLAIN_WORDS: Final = (
 def validate(
     model: type[M], data: Any, document: Document, prefix: Loc, *, owner: str = ""
 ) -> tuple[M | None, list[Problem]]:
-    """Validate data by a model, the way a person reads YAML: no text is taken for a number, no ``true`` for 1.
+    """Validate data by a model as a person reads YAML: no text is taken for a number, no ``true`` for 1.
 
     Args:
         model: The pydantic model.
@@ -47,7 +47,7 @@ def validate(
         The object, or ``None`` and the problems.
     """
     try:
-        # JSON mode: strict about scalars, and still takes a list for a tuple and a word for a path or an enum.
+        # JSON mode: strict about scalars, yet takes a list for a tuple and a word for a path or an enum.
         return model.model_validate_json(json.dumps(data), strict=True), []
     except ValidationError as error:
         return None, translate(error, document, prefix, model, owner=owner)
@@ -83,7 +83,7 @@ def translate(
 
 
 def _clean(loc: tuple[Any, ...], data: Any, kind: str) -> tuple[Loc, int | None, bool]:
-    """Strip union tags: return the place, how deep the first union stands (or ``None``), and whether a key is meant."""
+    """Strip union tags: return the place, the depth of the first union if any, whether a key is meant."""
     at_key = bool(loc) and loc[-1] == "[key]"
     steps: list[str | int] = []
     cut: int | None = None
@@ -159,7 +159,7 @@ def _either(words: list[str]) -> str:
 
 
 def _join(messages: list[str]) -> str:
-    """Join what the branches of a union say about one value: ``input should be a number or a list, got 'x'``."""
+    """Join what the branches of a union say of one value: ``input should be a number or a list, got 'x'``."""
     unique = list(dict.fromkeys(messages))
     if len(unique) == 1:
         return unique[0]

@@ -1,8 +1,8 @@
 """YAML text to plain data that knows its lines.
 
-PyYAML's constructors lose the lines and keep the last of two equal keys, so the nodes are composed and turned into
-data here. Pipelines, robot cards and skeleton cards are all read by `parse_document`, and what pydantic finds wrong
-in them is brought back to their lines by `translate`.
+PyYAML's constructors lose the lines and keep the last of two equal keys, so nodes are composed and turned
+into data here. Pipelines, robot cards and skeleton cards are all read by `parse_document`, and what pydantic finds
+wrong in them is brought back to their lines by `translate`.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ for _tag, _pattern, _first in PATTERNS:
     _Core.add_implicit_resolver(_tag, _pattern, _first)
 
 if yaml.__with_libyaml__:
-    from yaml.cyaml import CParser
+    from yaml._yaml import CParser
 
-    class _Composer(CParser, _Core):  # type: ignore[misc]
+    class _Composer(CParser, _Core):
         def __init__(self, text: str) -> None:
             CParser.__init__(self, text)
             _Core.__init__(self)

@@ -1,0 +1,211 @@
+"""Feet on the floor: where the robot's feet stand, which one anchors it, how a free foot moves over the ground.
+
+[pennapoubel2014] P4 to P6 and P10: the support foot is fixed to the world; in double support both feet keep the place
+of the step before; a landing foot is first set to the ground. A free foot follows the scaled body horizontally; near
+the ground its height is the human's clearance in the robot's size, so that it neither sinks in nor hovers, and it turns
+flat before it lands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from imitor.robot.model import RobotModel
+from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton, Support
+
+_FLIGHT: Final = -1
+
+
+def smoothstep(x: float) -> float:
+    """Return 3x^2 - 2x^3 between 0 and 1, clipped outside."""
+    x = min(max(x, 0.0), 1.0)
+    return x * x * (3.0 - 2.0 * x)
+
+
+@dataclass
+class FootSettings:
+    """How feet move near the ground.
+
+    Attributes:
+        flat_below_m: A free foot whose heel and toes are lower than this is flat; at twice this it follows the human.
+        free_above_m: Above this clearance the foot's height is the scaled body's, below it the clearance's.
+        blend_s: Time constant with which a foot's offset at lift-off from the scaled body fades [s].
+    """
+
+    flat_below_m: float
+    free_above_m: float
+    blend_s: float
+
+
+class Foot:
+    """One foot of the human and the target of the robot's sole."""
+
+    def __init__(self, side: str, robot: RobotModel, skeleton: Skeleton) -> None:
+        self.role = f"{side}_foot"
+        self._ankle, self._toe = ROLE_INDEX[f"{side}_ankle"], ROLE_INDEX[f"{side}_toe"]
+        self._has_toe = skeleton.has(f"{side}_toe")
+        self._ankle_height, self._toe_height = skeleton.ankle_height_m, skeleton.toe_height_m
+        robot.update(robot.standing)
+        self._sole_to_ankle = robot.rotation(self.role).T @ (robot.position(f"{side}_ankle") - robot.position(self.role))
+        self._corners = robot.sole[SIDES.index(side)]
+        self.pose: Array = np.eye(4)
+        self.offset: Array = np.zeros(3)
+        self.yaw = 0.0
+        self.pitch = 0.0
+        self.clearance = 0.0
+        self.highest = 0.0
+
+    def read(self, frame: HumanFrame, forward: Array) -> None:
+        """Read the human's foot: yaw, pitch [rad, toes down positive], clearance and highest point [m]."""
+        ankle = frame.position[self._ankle]
+        if not frame.valid[self._ankle]:
+            return
+        heel = float(ankle[2]) - self._ankle_height
+        if self._has_toe and frame.valid[self._toe]:
+            d = frame.position[self._toe] - ankle
+            run = float(np.hypot(d[0], d[1]))
+            if run > 1e-3:
+                flat = np.arctan2(self._ankle_height - self._toe_height, np.sqrt(max(run * run + d[2] * d[2], 1e-9)))
+                self.pitch = float(np.arctan2(-d[2], run) - flat)
+                self.yaw = float(np.arctan2(d[1], d[0]))
+            toe = float(frame.position[self._toe][2]) - self._toe_height
+        else:
+            self.yaw, self.pitch, toe = float(np.arctan2(forward[1], forward[0])), 0.0, heel
+        self.clearance, self.highest = max(min(heel, toe), 0.0), max(heel, toe, 0.0)
+
+    def stand(self, robot_pose: Array) -> None:
+        """Put the sole flat on the ground below where the robot's foot is."""
+        R = robot_pose[:3, :3]
+        self._set_rotation(float(np.arctan2(R[1, 0], R[0, 0])), 0.0)
+        self.pose[:2, 3], self.pose[2, 3] = robot_pose[:2, 3], 0.0
+
+    def swing(self, ankle: Array, ratio: float, settings: FootSettings) -> None:
+        """Follow the scaled body's ankle, shape (3,) [m], over the ground."""
+        flat = settings.flat_below_m
+        follow = smoothstep((self.highest - flat) / flat)
+        self._set_rotation(self.yaw, follow * self.pitch)
+        R = self.pose[:3, :3]
+        sole = ankle + self.offset - R @ self._sole_to_ankle
+        on_ground = ratio * self.clearance - float((self._corners @ R.T)[:, 2].min())
+        w = smoothstep(self.clearance / settings.free_above_m)
+        self.pose[:2, 3] = sole[:2]
+        self.pose[2, 3] = max(w * float(sole[2]) + (1 - w) * on_ground, -float((self._corners @ R.T)[:, 2].min()))
+
+    def ankle_of(self, pose: Array) -> Array:
+        """Return the ankle's place for a pose of the sole, shape (3,) [m]."""
+        return np.asarray(pose[:3, :3] @ self._sole_to_ankle + pose[:3, 3])
+
+    def _set_rotation(self, yaw: float, pitch: float) -> None:
+        cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
+        R = self.pose
+        R[0, 0], R[0, 1], R[0, 2] = cy * cp, -sy, cy * sp
+        R[1, 0], R[1, 1], R[1, 2] = sy * cp, cy, sy * sp
+        R[2, 0], R[2, 1], R[2, 2] = -sp, 0.0, cp
+
+
+class Footing:
+    """Places both feet and the middle of the hips in the robot's world, frame after frame.
+
+    Attributes:
+        feet: Left and right.
+        contact: The feet the robot stands on (left, right).
+        anchor: Index of the foot that anchors the robot, or -1 in flight.
+        mid_hip: Where the scaled body's mid-hip is, shape (3,) [m].
+    """
+
+    def __init__(self, robot: RobotModel, skeleton: Skeleton, settings: FootSettings, dt_s: float) -> None:
+        self._robot, self._settings = robot, settings
+        self._fade = float(np.exp(-dt_s / settings.blend_s)) if settings.blend_s > 0 else 0.0
+        self.feet = [Foot(side, robot, skeleton) for side in SIDES]
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where the feet stood."""
+        self._started = False
+        self.contact = [True, True]
+        self.anchor = 0
+        self.mid_hip: Array = np.zeros(3)
+        self._human_mid_hip: Array = np.zeros(3)
+        self._shift: Array = np.zeros(3)
+        for foot in self.feet:
+            foot.offset[:] = 0.0
+
+    def step(
+        self, frame: HumanFrame, support: Support, ankles: Array, human: tuple[Array, Array], ratio: float, forward: Array
+    ) -> None:
+        """Advance by a frame.
+
+        Args:
+            frame: The human.
+            support: Its feet in contact.
+            ankles: Scaled ankles relative to mid-hip, left and right, shape (2, 3) [m].
+            human: The human's mid-hip and mid-ankle in world, shapes (3,) [m].
+            ratio: Robot leg length over the human's [-].
+            forward: Where the pelvis faces, shape (3,).
+        """
+        for foot in self.feet:
+            foot.read(frame, forward)
+        wanted = [support.left, support.right]
+        if not self._started:
+            self._start(wanted, ankles, human, ratio)
+        landed = [w and not c for w, c in zip(wanted, self.contact, strict=True)]
+        lifted = [c and not w for w, c in zip(wanted, self.contact, strict=True)]
+        for i, foot in enumerate(self.feet):
+            if landed[i]:
+                foot.stand(self._robot.pose(foot.role))
+        self.contact = wanted
+        self._choose_anchor()
+        self._place_body(ankles, human, ratio, any(landed) or any(lifted))
+        for i, foot in enumerate(self.feet):
+            if wanted[i]:
+                continue
+            ankle = self.mid_hip + ankles[i]
+            if lifted[i]:
+                foot.offset[:] = foot.ankle_of(foot.pose) - ankle
+                foot.offset[2] = 0.0
+            else:
+                foot.offset *= self._fade
+            foot.swing(ankle, ratio, self._settings)
+        self._human_mid_hip = human[0].copy()
+
+    def _start(self, wanted: list[bool], ankles: Array, human: tuple[Array, Array], ratio: float) -> None:
+        self._started = True
+        self.mid_hip = np.array([ratio * human[0][0], ratio * human[0][1], 0.0])
+        for i, foot in enumerate(self.feet):
+            foot.pose[:3, 3] = (self.mid_hip + ankles[i])[0], (self.mid_hip + ankles[i])[1], 0.0
+            foot._set_rotation(foot.yaw, 0.0)
+            foot.pose[:2, 3] -= (foot.pose[:3, :3] @ foot._sole_to_ankle)[:2]
+        self.contact = list(wanted)
+        self._human_mid_hip = human[0].copy()
+        lowest = min(float(ankles[i][2] - foot.ankle_of(np.eye(4))[2]) for i, foot in enumerate(self.feet))
+        self.mid_hip[2] = -lowest + ratio * min(f.clearance for f in self.feet)
+        self.anchor = _FLIGHT
+
+    def _choose_anchor(self) -> None:
+        if self.anchor != _FLIGHT and self.contact[self.anchor]:
+            return
+        standing = [i for i in range(2) if self.contact[i]]
+        self.anchor = standing[-1] if standing else _FLIGHT
+
+    def _place_body(self, ankles: Array, human: tuple[Array, Array], ratio: float, changed: bool) -> None:
+        before = self.mid_hip
+        if all(self.contact):  # the closed leg loop, without the knees (P4)
+            middle = 0.5 * (self._stand_ankle(0) + self._stand_ankle(1))
+            place = middle + ratio * (human[0] - human[1])
+        elif self.anchor != _FLIGHT:
+            place = self._stand_ankle(self.anchor) - ankles[self.anchor]
+        else:
+            place = before - self._shift + ratio * (human[0] - self._human_mid_hip)
+        if changed:
+            moved = ratio * (human[0] - self._human_mid_hip)
+            self._shift = before + moved - place
+        else:
+            self._shift = self._shift * self._fade
+        self.mid_hip = place + self._shift
+
+    def _stand_ankle(self, i: int) -> Array:
+        foot = self.feet[i]
+        return foot.ankle_of(foot.pose)

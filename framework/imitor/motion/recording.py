@@ -1,0 +1,300 @@
+"""From a motion file's tree and channels to the human in our world, for the whole clip at once."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from imitor.errors import SourceError
+from imitor.motion.bvh_file import Bvh, Node
+from imitor.motion.kinematics import Poses, forward_kinematics
+from imitor.motion.normalise import (
+    ANKLE_FRACTION,
+    FLOOR_TOLERANCE_M,
+    TOE_FRACTION,
+    UNITS,
+    UP_AXES,
+    Scale,
+    Stance,
+    find_scale,
+    find_stance,
+    find_up,
+    handedness,
+    known_roles,
+    role,
+    snap_rate,
+    unit_vector,
+)
+from imitor.motion.rest_pose import (
+    Reference,
+    has_added_t_pose,
+    is_t_pose,
+    is_upright,
+    rest_positions,
+    rest_rotations,
+    role_positions,
+    uprightness,
+)
+from imitor.motion.skeletons import SkeletonFit
+from imitor.types import N_ROLES, ROLE_INDEX, ROLES, Array, BoolArray, Skeleton
+
+HEAD_HEIGHT_FRACTION = 0.91
+"""Height of the skull's base as a fraction of stature [-], for skeletons without a head top."""
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What the user may say about a file instead of letting it be found.
+
+    Attributes:
+        unit: ``auto``, a name out of `UNITS`, or metres per unit.
+        up: ``auto`` or the axis that points up.
+        height_m: Stature, when known [m].
+        floor: ``auto``, ``file`` or the floor's height in the recording [m].
+        drop_tpose: Whether the first frame is an added T-pose; None: find out.
+        start_s: Where to begin, from the first frame of the motion [s].
+        stop_s: Where to end, from the first frame of the motion [s]; None: at its end.
+        mass_kg: Body mass [kg].
+        sex: ``male`` or ``female``.
+    """
+
+    unit: str | float = "auto"
+    up: str = "auto"
+    height_m: float | None = None
+    floor: str | float = "auto"
+    drop_tpose: bool | None = None
+    start_s: float = 0.0
+    stop_s: float | None = None
+    mass_kg: float = 70.0
+    sex: str = "male"
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A clip in our world: z up, metres. Horizontally it stays where it was recorded.
+
+    Attributes:
+        skeleton: Constant facts.
+        rate_hz: Frames per second [Hz].
+        position: Role positions, shape (T, R, 3) [m].
+        orientation: World from segment, shape (T, R, 3, 3); the identity in the rest pose.
+        valid: Which roles are known, shape (R,).
+        facts: What was found: unit, up axis, floor, rate, dropped frames; for reports.
+    """
+
+    skeleton: Skeleton
+    rate_hz: float
+    position: Array
+    orientation: Array
+    valid: BoolArray
+    facts: dict[str, str | float | bool]
+
+
+def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOptions) -> Recording:
+    """Bring a clip into our world.
+
+    Args:
+        path: The file, for messages.
+        bvh: What the file says.
+        fit: Its skeleton.
+        options: What the user says about it.
+
+    Raises:
+        SourceError: The body is mirrored or has no size, or no frame is left.
+    """
+    rate_hz = snap_rate(bvh.frame_time_s)
+    notes = [f"skeleton: {fit.name} ({fit.card.title})"]
+    notes += [fit.card.notes] if fit.card.notes else []
+    chain = _chain(bvh.nodes, fit)
+    row = {node: i for i, node in enumerate(chain)}
+    poses = forward_kinematics(bvh.nodes, bvh.motion, chain)
+    zero = forward_kinematics(bvh.nodes, _zero_angles(bvh), chain)
+
+    up, clear = options.up, True
+    if up == "auto":
+        up, clear = find_up(
+            role_positions(poses.position, row, fit.points), role_positions(zero.position, row, fit.points)[0]
+        )
+    notes.append(f"up axis of the file: {up}" + ("" if clear else " (uncertain: the body is never upright; set up)"))
+    turn = np.array(UP_AXES[up], dtype=np.float64)
+    poses, zero = _turned(poses, turn), _turned(zero, turn)
+    position = role_positions(poses.position, row, fit.points)
+
+    added = has_added_t_pose(position)
+    drop = added if options.drop_tpose is None else options.drop_tpose and len(position) > 1
+    reference = _reference(poses, zero, position, added or drop or len(position) == 1, row, fit)
+    if drop:
+        notes.append("frame 1 is an added T-pose: taken as the rest pose, not as motion")
+        poses, position = Poses(poses.node, poses.position[1:], poses.rotation[1:]), position[1:]
+    if reference.kind == "motion":
+        notes.append("the zero angles are no human pose; the rest pose is built from the most upright frame")
+
+    def rest(flat: BoolArray | None = None) -> tuple[Array, Array]:
+        rotations = rest_rotations(bvh.nodes, chain, fit.points, reference, poses.rotation, flat, position)
+        return rotations, rest_positions(bvh.nodes, chain, fit.points, reference, rotations)
+
+    size = _stature(rest()[1])
+    if not size > 0.0:
+        raise SourceError(path, "the skeleton has no height: are the OFFSETs zero?")
+    scale = _scale(size, fit, options)
+    position = position * scale.factor
+    stance = find_stance(position, rate_hz, size * scale.factor)
+    rotations, rest_position = rest(stance.flat)
+    rest_position = rest_position * scale.factor
+    height_m = size * scale.factor
+    notes.append(_unit_note(scale, height_m, options))
+
+    floor, why = _floor(stance, options)
+    notes.append(why)
+    position[..., 2] -= floor
+    ankle_m, toe_m = _foot_heights(stance, floor, height_m)
+    rest_position[:, 2] += ankle_m - np.mean([role(rest_position, f"{s}_ankle")[2] for s in ("left", "right")])
+    _check_sides(path, position, notes)
+    raw_hz = 1.0 / bvh.frame_time_s
+    notes.append(f"rate: {rate_hz:g} Hz" + (f" (written {raw_hz:.3f} Hz)" if rate_hz != raw_hz else ""))
+    first, last = _window(path, len(position), rate_hz, options)
+    valid = known_roles(position)
+    skeleton = Skeleton(
+        name=fit.name,
+        roles=frozenset(name for name in ROLES if valid[ROLE_INDEX[name]]),
+        rest_position=rest_position,
+        height_m=height_m,
+        ankle_height_m=ankle_m,
+        toe_height_m=toe_m,
+        mass_kg=options.mass_kg,
+        sex=options.sex,
+        notes=tuple(notes),
+    )
+    facts: dict[str, str | float | bool] = {
+        "skeleton": fit.name,
+        "unit": scale.name,
+        "metres_per_unit": scale.factor,
+        "up": up,
+        "height_m": height_m,
+        "floor_m": floor,
+        "rate_hz": rate_hz,
+        "dropped_tpose": bool(drop),
+        "reference": reference.kind,
+    }
+    return Recording(
+        skeleton,
+        rate_hz,
+        np.ascontiguousarray(position[first:last]),
+        _orientations(poses.rotation[first:last], rotations, row, fit),
+        valid,
+        facts,
+    )
+
+
+def _chain(nodes: Sequence[Node], fit: SkeletonFit) -> list[int]:
+    """Return the nodes that roles need and their ancestors, parents first; the root is the first."""
+    needed = {0}
+    for point in fit.points.values():
+        for i in (point.start, point.end, point.turns_with):
+            while i >= 0 and i not in needed:
+                needed.add(i)
+                i = nodes[i].parent
+    return sorted(needed)
+
+
+def _zero_angles(bvh: Bvh) -> Array:
+    """Return the first frame with all angles zero: position channels may hold the bones, so they stay."""
+    names = [c for node in bvh.nodes for c in node.channels]
+    return np.where([c.endswith("rotation") for c in names], 0.0, bvh.motion[:1])
+
+
+def _turned(poses: Poses, turn: Array) -> Poses:
+    return Poses(poses.node, poses.position @ turn.T, turn @ poses.rotation)
+
+
+def _reference(
+    poses: Poses, zero: Poses, position: Array, first_may_be: bool, row: dict[int, int], fit: SkeletonFit
+) -> Reference:
+    if first_may_be and is_t_pose(position[0]):
+        return Reference("tpose", poses.position[0], poses.rotation[0], position[0])
+    at_zero = role_positions(zero.position, row, fit.points)[0]
+    if is_upright(at_zero):
+        return Reference("zero", zero.position[0], zero.rotation[0], at_zero)
+    best = int(np.argmax(uprightness(position)))
+    return Reference("motion", poses.position[best], poses.rotation[best], position[best])
+
+
+def _stature(rest: Array) -> float:
+    """Return the stature in the units of the rest pose: from the ankles up, and the ankles' height added."""
+    ankle = 0.5 * (role(rest, "left_ankle") + role(rest, "right_ankle"))[2]
+    top = role(rest, "head_top")[2]
+    if not np.isnan(top):
+        return float(top - ankle) / (1.0 - ANKLE_FRACTION)
+    return float(role(rest, "head")[2] - ankle) / (HEAD_HEIGHT_FRACTION - ANKLE_FRACTION)
+
+
+def _scale(size: float, fit: SkeletonFit, options: ReadOptions) -> Scale:
+    if options.unit == "auto":
+        return find_scale(size, fit.card.unit, options.height_m)
+    if isinstance(options.unit, str):
+        return Scale(UNITS[options.unit], options.unit)
+    return Scale(options.unit, f"{options.unit:g} m")
+
+
+def _unit_note(scale: Scale, height_m: float, options: ReadOptions) -> str:
+    if scale.known:
+        return f"length unit: {scale.name} ({scale.factor:.6g} m), stature {height_m:.2f} m"
+    known = "the given" if options.height_m is not None else "an assumed"
+    return (
+        f"no known length unit fits: scaled to {known} stature of {height_m:.2f} m "
+        f"(1 unit = {scale.factor:.6g} m); set unit or height_m if you know better"
+    )
+
+
+def _floor(stance: Stance, options: ReadOptions) -> tuple[float, str]:
+    if isinstance(options.floor, int | float):
+        return float(options.floor), f"floor: at {options.floor:g} m of the recording, as given"
+    if options.floor == "file":
+        return 0.0, f"floor: the file's zero (the feet stand {stance.floor_m:+.3f} m from it)"
+    if abs(stance.floor_m) <= FLOOR_TOLERANCE_M:
+        return 0.0, "floor: the file's zero"
+    return stance.floor_m, f"floor: {stance.floor_m:+.3f} m in the recording, from the standing feet"
+
+
+def _foot_heights(stance: Stance, floor: float, height_m: float) -> tuple[float, float]:
+    """Return the heights of ankle and toe joints over the floor in use [m]; usual fractions where unknown."""
+    ankle, toe, _ = (h + stance.floor_m - floor for h in stance.height_m)
+    ankle = ankle if np.isfinite(ankle) and ankle > 0.0 else ANKLE_FRACTION * height_m
+    toe = toe if np.isfinite(toe) and toe >= 0.0 else TOE_FRACTION * height_m
+    return float(ankle), float(toe)
+
+
+def _check_sides(path: str | Path, position: Array, notes: list[str]) -> None:
+    cosine = handedness(position)
+    if cosine < -0.3:
+        raise SourceError(
+            path,
+            "left and right are swapped: the feet point backwards if the names are right. "
+            "Write a skeleton card with the sides exchanged and give it with --set source.skeleton=CARD.yaml",
+        )
+    if cosine < 0.3:
+        notes.append("left and right could not be checked: the feet do not point across the line of the hips")
+
+
+def _window(path: str | Path, frames: int, rate_hz: float, options: ReadOptions) -> tuple[int, int]:
+    first = round(options.start_s * rate_hz)
+    last = frames if options.stop_s is None else min(frames, round(options.stop_s * rate_hz) + 1)
+    if first >= last:
+        stop = "its end" if options.stop_s is None else f"{options.stop_s:g} s"
+        raise SourceError(
+            path,
+            f"no frame lies between {options.start_s:g} s and {stop}; the motion lasts {(frames - 1) / rate_hz:.3f} s",
+        )
+    return first, last
+
+
+def _orientations(rotation: Array, rest: Array, row: dict[int, int], fit: SkeletonFit) -> Array:
+    """Return the rotations from the rest pose to each frame, shape (T, R, 3, 3)."""
+    out = np.full((len(rotation), N_ROLES, 3, 3), np.nan)
+    for name, point in fit.points.items():
+        i = row[point.turns_with]
+        out[:, ROLE_INDEX[name]] = rotation[:, i] @ rest[i].T
+    return out

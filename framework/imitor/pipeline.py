@@ -1,0 +1,257 @@
+"""A pipeline: its stages built and bound once, then a plain loop over frames."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from imitor.clock import at_rate
+from imitor.errors import ImitorError, RunError, SpecError
+from imitor.kinds import (
+    WHOLE_RECORDING,
+    Component,
+    Context,
+    Filter,
+    Mapper,
+    Postprocessor,
+    Record,
+    Solver,
+    Source,
+    Stabilizer,
+)
+from imitor.registry import Registry
+from imitor.robot.model import RobotModel
+from imitor.safety.guard import Guard
+from imitor.spec import PipelineSpec, StageSpec
+from imitor.tasks import TaskStack
+from imitor.types import Configuration, HumanFrame, Skeleton
+
+
+class Pipeline:
+    """Source, stages and guard of one run, ready to give a command for each human frame.
+
+    Args:
+        spec: The validated pipeline.
+        registry: Where the plugins are.
+
+    Raises:
+        ImitorError: The source cannot be read, the robot does not fit, or a stage refuses its place.
+
+    Attributes:
+        source: The started source.
+        robot: The robot model, at the configuration so far.
+        stack: The tasks.
+        guard: What every command passes.
+        rate_hz: Output rate [Hz].
+        n_frames: Number of commands, when known.
+    """
+
+    def __init__(self, spec: PipelineSpec, registry: Registry) -> None:
+        self.spec = spec
+        self.source = self._start_source(spec.source, registry)
+        self.rate_hz = spec.rate_hz or self.source.rate_hz
+        self.skeleton: Skeleton = self.source.skeleton
+        self.robot = RobotModel.load(spec.robot, registry)
+        context = Context(self.robot, self.skeleton, 1.0 / self.rate_hz, spec.environment)
+        self.stages: list[tuple[str, Component[Any]]] = []
+        for stage in spec.stages:
+            component = registry.get(stage.kind, stage.name)(stage.config, context)
+            self.stages.append((f"{stage.where} {stage.id}", component))
+        self.filters = [(w, c) for w, c in self.stages if isinstance(c, Filter)]
+        self.stack = TaskStack(self.robot.n)
+        self._build()
+        self.guard = Guard(self.robot, 1.0 / self.rate_hz)
+        self.n_frames = self._count()
+        self._bind()
+        self.reset()
+
+    @staticmethod
+    def _start_source(spec: StageSpec, registry: Registry) -> Source[Any]:
+        source = registry.get("source", spec.name)(spec.config)
+        assert isinstance(source, Source)
+        source.start()
+        return source
+
+    def _build(self) -> None:
+        for where, component in self.stages:
+            with _at(where):
+                if isinstance(component, Mapper | Stabilizer):
+                    component.declare(self.stack)
+        self.stack.compile()
+        for where, component in self.stages:
+            with _at(where):
+                if isinstance(component, Solver):
+                    component.prepare(self.stack)
+                component.start()
+        self._calibrate()
+
+    def _calibrate(self) -> None:
+        """Give each stage the first frames it asks for, as they come out of the filters before it."""
+        wanted = [(where, c) for where, c in self.stages if c.calibration_s > 0]
+        if not wanted:
+            return
+        longest = max(c.calibration_s for _, c in wanted)
+        if longest == WHOLE_RECORDING and self.source.live:
+            where = next(w for w, c in wanted if c.calibration_s == WHOLE_RECORDING)
+            raise ImitorError(f"{where}: needs the whole recording first, but the source is live; give its result as options")
+        frames = self._human_frames()
+        if longest < WHOLE_RECORDING:
+            frames = itertools.takewhile(lambda f, t=longest: f.time_s <= t, frames)
+        seen = list(frames)
+        for where, component in self.stages:
+            with _at(where):
+                if component.calibration_s > 0:
+                    component.calibrate([f for f in seen if f.time_s - seen[0].time_s <= component.calibration_s])
+                if isinstance(component, Filter):
+                    seen = [component.step(f) for f in seen]
+                    component.reset()
+        self.source.reset()
+
+    def _count(self) -> int | None:
+        n = self.source.n_frames
+        if n is None:
+            return None
+        ratio = self.rate_hz / self.source.rate_hz
+        return int((n - 1) * ratio + 1e-9) + 1 + round(self.spec.settle_s * self.rate_hz)
+
+    def _bind(self) -> None:
+        """Collect the bound steps once: nothing is looked up per frame."""
+        self._steps: list[tuple[str, Callable[[HumanFrame, Configuration], None]]] = []
+        stack = self.stack
+        for where, component in self.stages:
+            match component:
+                case Mapper():
+                    call = lambda frame, state, step=component.step: step(frame, stack)  # noqa: E731
+                case Stabilizer():
+                    call = lambda frame, state, step=component.step: step(frame, stack, state)  # noqa: E731
+                case Solver() | Postprocessor():
+                    call = lambda frame, state, step=component.step: step(stack, state)  # noqa: E731
+                case _:
+                    continue
+            self._steps.append((where, call))
+        self._filter_steps = [(where, c.step) for where, c in self.filters]
+        self._first_steps = [
+            (
+                where,
+                (lambda frame, state, settle=c.settle: settle(stack, state)) if isinstance(c, Solver) else call,
+            )
+            for (where, call), c in zip(
+                self._steps, [c for _, c in self.stages if not isinstance(c, Filter)], strict=True
+            )
+        ]
+
+    # ------------------------------------------------------------------ running
+
+    def reset(self) -> None:
+        """Go back to before the first frame."""
+        for _, component in self.stages:
+            component.reset()
+        self.guard.reset()
+        self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
+        self.robot.update(self.state.q)
+        self._index = 0
+
+    def _human_frames(self) -> Iterator[HumanFrame]:
+        return at_rate(self.source.frames(), self.source.rate_hz, self.rate_hz)
+
+    def _with_settling(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
+        last = None
+        for last in frames:  # noqa: B007
+            yield last
+        if last is None:
+            return
+        for k in range(1, round(self.spec.settle_s * self.rate_hz) + 1):
+            yield HumanFrame(
+                last.time_s + k / self.rate_hz, last.position, last.valid, last.orientation, last.marker,
+                last.marker_valid, last.target, last.target_valid, last.com, last.support,
+            )  # fmt: skip
+
+    def step(self, frame: HumanFrame) -> HumanFrame:
+        """Compute the command of one human frame into ``self.state``; return the filtered frame.
+
+        Raises:
+            RunError: A stage failed; says which and at which frame.
+        """
+        where = ""
+        try:
+            for where, filter_step in self._filter_steps:  # noqa: B007
+                frame = filter_step(frame)
+            state = self.state
+            state.status = 0
+            for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
+                step(frame, state)
+            where = "guard"
+            self.guard.apply(self.stack, state)
+            state.contact[:] = self.stack.contact
+        except RunError as error:
+            raise type(error)(str(error), frame=self._index, time_s=frame.time_s, stage=where) from error
+        except (ImitorError, ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
+            raise RunError(
+                f"{error or type(error).__name__}. The frames before are kept.",
+                frame=self._index, time_s=frame.time_s, stage=where,
+            ) from error  # fmt: skip
+        self._index += 1
+        return frame
+
+    def records(self, max_frames: int | None = None) -> Iterator[Record]:
+        """Yield a record for each frame; it is the same object each time, valid until the next.
+
+        The delay that stages declare shifts time stamps: a command is recorded at the time of the human frame it
+        belongs to, and the run goes on until the last one is out.
+        """
+        delay = sum(c.delay_frames for _, c in self.stages)
+        frames = self._with_settling(self._human_frames())
+        if max_frames is not None:
+            frames = itertools.islice(frames, max_frames + delay)
+        record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
+        clock = time.perf_counter
+        dt = 1.0 / self.rate_hz
+        for i, frame in enumerate(_drained(frames, delay, dt)):
+            begin = clock()
+            human = self.step(frame)
+            record.compute_s = clock() - begin
+            if i < delay:
+                continue
+            record.index, record.time_s, record.human = i - delay, human.time_s - delay * dt, human
+            yield record
+
+    def close(self) -> None:
+        """Close the source and every stage."""
+        for component in (*(c for _, c in self.stages), self.source):
+            component.close()
+
+
+def _drained(frames: Iterator[HumanFrame], delay: int, dt: float) -> Iterator[HumanFrame]:
+    """Repeat the last frame so often that delayed stages give back everything."""
+    last = None
+    for last in frames:  # noqa: B007
+        yield last
+    if last is not None:
+        for k in range(1, delay + 1):
+            yield HumanFrame(last.time_s + k * dt, last.position, last.valid, last.orientation, com=last.com,
+                             support=last.support)  # fmt: skip
+
+
+@contextlib.contextmanager
+def _at(where: str) -> Iterator[None]:
+    """Name the stage in errors that happen while the pipeline is built."""
+    try:
+        yield
+    except SpecError:
+        raise
+    except ImitorError as error:
+        message = str(error)
+        raise (error if message.startswith(where) else ImitorError(f"{where}: {message}")) from error
+
+
+def build(spec: PipelineSpec, registry: Registry) -> Pipeline:
+    """Build a pipeline from its spec."""
+    return Pipeline(spec, registry)
+
+
+__all__: Sequence[str] = ["Pipeline", "build"]

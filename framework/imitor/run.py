@@ -1,0 +1,202 @@
+"""One run: a pipeline's frames into its sinks, a run directory, and the measured quality."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from imitor.atomic import atomic
+from imitor.errors import ImitorError, RunError, SinkError
+from imitor.kinds import RunInfo, Sink
+from imitor.pipeline import Pipeline
+from imitor.record import MOTION_FILE
+from imitor.registry import Registry
+from imitor.spec import PipelineSpec
+
+log = logging.getLogger("imitor")
+
+Progress = Callable[[int, int | None], None]
+
+
+@dataclass
+class RunResult:
+    """What a run left behind.
+
+    Attributes:
+        out_dir: The run directory.
+        metrics: Content of ``metrics.json``; empty when no frame was finished.
+        status: ``done``, ``failed``, ``stopped`` or ``interrupted``.
+        message: Why it did not end with ``done``.
+        files: Files written.
+        frames: Finished frames.
+        time_to_first_frame_s: From the call to the first finished frame [s].
+    """
+
+    out_dir: Path
+    metrics: dict[str, Any] = field(default_factory=dict)
+    status: str = "done"
+    message: str = ""
+    files: list[Path] = field(default_factory=list)
+    frames: int = 0
+    time_to_first_frame_s: float = 0.0
+
+
+def run(
+    spec: PipelineSpec,
+    registry: Registry,
+    *,
+    out_dir: Path | None = None,
+    max_frames: int | None = None,
+    view: bool = False,
+    progress: Progress | None = None,
+) -> RunResult:
+    """Run a pipeline to its end, an error, or an interruption; finished frames are kept in every case.
+
+    Args:
+        spec: The validated pipeline.
+        registry: Where the plugins are.
+        out_dir: The run directory; default ``runs/<name>``, numbered when it exists.
+        max_frames: Stop after so many frames.
+        view: Open the windows of sinks that have one.
+        progress: Called after every frame with frames done and expected.
+
+    Raises:
+        ImitorError: Nothing was run: input, robot, options or folder are wrong.
+    """
+    begin = time.perf_counter()
+    pipeline = Pipeline(spec, registry)
+    try:
+        result = RunResult(_run_directory(out_dir, spec.name))
+        sinks = _open_sinks(spec, registry, pipeline, result, max_frames, view)
+        registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
+        try:
+            for record in pipeline.records(max_frames):
+                for where, sink in sinks:
+                    _write(where, sink, record)
+                result.frames += 1
+                if result.frames == 1:
+                    result.time_to_first_frame_s = time.perf_counter() - begin
+                if progress is not None:
+                    progress(result.frames, pipeline.n_frames if max_frames is None else max_frames)
+        except KeyboardInterrupt:
+            result.status, result.message = "interrupted", f"interrupted after {result.frames} frames"
+        except RunError as error:
+            result.status, result.message = "failed", str(error)
+        _finish(result, sinks, pipeline, spec, registry)
+    finally:
+        pipeline.close()
+    registry.announce("finished" if result.status == "done" else "failed", {"result": result})
+    return result
+
+
+def _run_directory(out_dir: Path | None, name: str) -> Path:
+    if out_dir is None:
+        stem = Path("runs") / (name or "run")
+        out_dir, k = stem, 2
+        while out_dir.exists():
+            out_dir, k = stem.with_name(f"{stem.name}-{k}"), k + 1
+    try:
+        out_dir.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out_dir):
+            pass
+    except OSError as error:
+        raise ImitorError(f"cannot write to the run directory {out_dir}: {error.strerror}; choose another with --out") from None
+    return out_dir
+
+
+def _open_sinks(
+    spec: PipelineSpec, registry: Registry, pipeline: Pipeline, result: RunResult, max_frames: int | None, view: bool
+) -> list[tuple[str, Sink[Any]]]:
+    n = pipeline.n_frames
+    info = RunInfo(
+        out_dir=result.out_dir,
+        robot=pipeline.robot,
+        skeleton=pipeline.skeleton,
+        rate_hz=pipeline.rate_hz,
+        stack=pipeline.stack,
+        n_frames=n if max_frames is None or n is None else min(n, max_frames),
+        environment=spec.environment,
+        pipeline=spec.to_yaml(),
+        pipeline_name=spec.name,
+        view=view,
+    )
+    sinks: list[tuple[str, Sink[Any]]] = []
+    if not any(s.name == "motion_file" for s in spec.sinks):  # a run directory always holds the motion
+        recorder = registry.get("sink", "motion_file")
+        sinks.append(("motion_file", recorder(recorder.config_type())))  # type: ignore[arg-type]
+    for stage in spec.sinks:
+        sinks.append((f"{stage.where} {stage.id}", registry.get("sink", stage.name)(stage.config)))  # type: ignore[arg-type]
+    sinks.sort(key=lambda item: item[1].name != "motion_file")
+    for where, sink in sinks:
+        try:
+            sink.start()
+            sink.open(info)
+        except ImitorError as error:
+            raise type(error)(f"{where}: {error}") if type(error) is ImitorError else error from None
+    return sinks
+
+
+def _write(where: str, sink: Sink[Any], record: Any) -> None:
+    try:
+        sink.write(record)
+    except ImitorError as error:
+        raise SinkError(str(error), frame=record.index, time_s=record.time_s, stage=where) from error
+    except OSError as error:
+        raise SinkError(
+            f"cannot write: {error.strerror or error}. The frames before are kept.",
+            frame=record.index, time_s=record.time_s, stage=where,
+        ) from error  # fmt: skip
+
+
+def _finish(
+    result: RunResult, sinks: Iterable[tuple[str, Sink[Any]]], pipeline: Pipeline, spec: PipelineSpec, registry: Registry
+) -> None:
+    """Let every sink finish, also after a failure of another; then measure."""
+    extra: dict[str, Any] = {}
+    for where, sink in sinks:
+        try:
+            report = sink.finish()
+            result.files += report.files
+            extra.update(report.figures)
+        except KeyboardInterrupt:
+            result.status, result.message = "interrupted", f"{where}: interrupted while finishing"
+        except (ImitorError, OSError) as error:
+            text = f"{where}: {error if isinstance(error, ImitorError) else error.strerror or error}"
+            if result.status == "done":
+                result.status, result.message = "failed", text
+            log.error(text)
+        finally:
+            with contextlib.suppress(Exception):
+                sink.close()
+    try:
+        path = result.out_dir / "pipeline.yaml"
+        with atomic(path) as temporary:
+            temporary.write_text(spec.to_yaml(), encoding="utf-8")
+        result.files.append(path)
+        if result.frames and (result.out_dir / MOTION_FILE).is_file():
+            result.metrics = _measure(result, extra, pipeline, registry)
+    except OSError as error:
+        result.status = "failed" if result.status == "done" else result.status
+        result.message = result.message or f"cannot write to {result.out_dir}: {error.strerror}"
+
+
+def _measure(result: RunResult, extra: dict[str, Any], pipeline: Pipeline, registry: Registry) -> dict[str, Any]:
+    from imitor import metrics
+
+    figures = metrics.evaluate_dir(result.out_dir, registry)
+    guard = pipeline.guard.report
+    figures["figures"]["guard_scaled_frames"] = {"value": guard.scaled, "frames": result.frames}
+    figures["figures"]["guard_held_frames"] = {"value": guard.not_finite, "frames": result.frames}
+    figures["status"], figures["message"] = result.status, result.message
+    figures["source"] = {"skeleton": pipeline.skeleton.name, "notes": list(pipeline.skeleton.notes)}
+    figures.update(extra)
+    path = result.out_dir / "metrics.json"
+    metrics.write(figures, path)
+    result.files.append(path)
+    return dict(figures)

@@ -1,0 +1,1 @@
+"""Safety: what every command passes before it leaves the framework."""

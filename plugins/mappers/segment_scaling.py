@@ -1,0 +1,130 @@
+"""Segment scaling: the human's directions with the robot's lengths, standing where the robot's feet stand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from imitor import SEGMENTS, Component, Config, HumanFrame, Mapper, Support, TaskKind, TaskStack, hookimpl
+from imitor.types import SIDES
+
+_POSITIONS = ("head", "left_hand", "right_hand")
+
+
+class SegmentScalingConfig(Config):
+    """Options of segment scaling."""
+
+    anchor: bool = Field(True, description="Fix the support foot to the world exactly; no: feet are tasks only.")
+    flat_below_m: float = Field(
+        0.04, gt=0, description="A free foot with heel and toes lower than this is held flat [m]."
+    )
+    free_above_m: float = Field(
+        0.15, gt=0, description="Above this clearance a foot's height follows the scaled leg, not the ground [m]."
+    )
+    blend_s: float = Field(
+        0.15, ge=0, description="Time constant to fade the offset of a foot after it lifted off [s]."
+    )
+
+
+class SegmentScaling(Mapper[SegmentScalingConfig]):
+    """Each segment keeps the human's direction and takes the robot's length [pennapoubel2014] eq. 1, P1 to P6.
+
+    Works from the points of each single frame; no calibration of the actor. Declares the directions of the nine main
+    segments, positions of hands and head, poses of both feet, orientations of waist and chest, the CoM and the
+    standing posture.
+    """
+
+    name = "segment_scaling"
+    wants = frozenset({"support"})
+    declares: Mapping[str, TaskKind] = {  # type: ignore[misc]
+        **dict.fromkeys(SEGMENTS, TaskKind.DIRECTION),
+        "left_foot": TaskKind.POSE,
+        "right_foot": TaskKind.POSE,
+        "waist": TaskKind.ORIENTATION,
+        "chest": TaskKind.ORIENTATION,
+        **dict.fromkeys(_POSITIONS, TaskKind.POSITION),
+        "com": TaskKind.COM,
+        "posture": TaskKind.POSTURE,
+    }
+
+    def declare(self, stack: TaskStack) -> None:
+        """Declare the tasks the robot has frames for."""
+        from imitor.mapping.footing import FootSettings, Footing
+        from imitor.mapping.scaled_body import POINTS, ScaledBody
+
+        robot, config = self.robot, self.config
+        self._body = ScaledBody(robot, self.skeleton)
+        settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
+        self._footing = Footing(robot, self.skeleton, settings, self.dt_s)
+        index = self._body.segments.index
+        self._directions = [
+            (stack.declare(name, TaskKind.DIRECTION, frame=distal, relative_to=proximal), index(name))
+            for name, (proximal, distal) in SEGMENTS.items()
+        ]
+        self._feet = [stack.declare(f"{side}_foot", TaskKind.POSE, frame=f"{side}_foot") for side in SIDES]
+        self._waist = stack.declare("waist", TaskKind.ORIENTATION, frame="waist")
+        self._chest = stack.declare("chest", TaskKind.ORIENTATION, frame="chest")
+        self._positions = [
+            (stack.declare(name, TaskKind.POSITION, frame=name), POINTS.index(name))
+            for name in _POSITIONS
+            if robot.has(name)
+        ]
+        self._com = stack.declare("com", TaskKind.COM)
+        self._posture = stack.declare("posture", TaskKind.POSTURE)
+        self._hips, self._torso, self._shoulders = index("hips"), index("torso"), index("shoulders")
+        self._ankles = np.array([POINTS.index(f"{side}_ankle") for side in SIDES])
+
+    def reset(self) -> None:
+        """Forget directions and feet."""
+        self._body.reset()
+        self._footing.reset()
+
+    def step(self, frame: HumanFrame, stack: TaskStack) -> None:
+        """Write the targets of this frame."""
+        body, footing = self._body, self._footing
+        body.take(frame)
+        direction = body.direction
+        for task, i in self._directions:
+            task.target[:] = direction[i]
+        self._write_frames(direction)
+        support = frame.support if frame.support is not None else Support(True, True)
+        forward = self._waist.target[:, 0]
+        human = (body.mid_hip, body.mid_ankle)
+        footing.step(frame, support, body.relative[self._ankles], human, body.leg_ratio, forward)
+        mid_hip = footing.mid_hip
+        for task, point in self._positions:
+            np.add(mid_hip, body.relative[point], out=task.target)
+        if frame.com is not None:
+            self._com.target[:] = mid_hip + body.leg_ratio * (frame.com - body.mid_hip)
+        self._posture.target[:] = self.robot.standing[7:]
+        stack.contact[:] = footing.contact
+        for task, foot in zip(self._feet, footing.feet, strict=True):
+            task.target[:] = foot.pose
+            task.active[0] = True
+        stack.anchor = ""
+        if self.config.anchor and footing.anchor >= 0:
+            held = footing.feet[footing.anchor]
+            stack.anchor = held.role
+            stack.anchor_pose[:] = held.pose
+            self._feet[footing.anchor].active[0] = False
+
+    def _write_frames(self, direction: np.ndarray) -> None:
+        """Orientations of waist and chest: left from the hips and shoulders, up from the torso."""
+        from imitor.ik.vectors import cross, unit
+
+        up = direction[self._torso]
+        left = direction[[self._hips, self._shoulders]]
+        # The torso's direction is the chest's up; the waist shares it as far as its own left allows.
+        forward = unit(cross(left, up))
+        for task, x, y in zip((self._waist, self._chest), forward, left, strict=True):
+            task.target[:, 0], task.target[:, 1] = x, y
+            task.target[:, 2] = cross(x, y)
+
+
+@hookimpl
+def imitor_components() -> list[type[Component[Any]]]:
+    """Register the mapper."""
+    return [SegmentScaling]

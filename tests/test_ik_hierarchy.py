@@ -1,0 +1,101 @@
+"""The prioritised step against the textbook recursion, and its properties."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from imitor.ik.clamping import clamped_step
+from imitor.ik.hierarchy import prioritised_step
+
+
+def recursion(levels: list[tuple[np.ndarray, np.ndarray]], g: np.ndarray) -> np.ndarray:
+    """[pennapoubel2014] eqs. 4-6 literally, with SVD pseudo-inverses."""
+    n = g.shape[0]
+    dq, P, augmented = np.zeros(n), np.eye(n), np.zeros((0, n))
+    for J, e in levels:
+        dq = dq + np.linalg.pinv(J @ P, rcond=1e-9) @ (e - J @ dq)
+        augmented = np.vstack([augmented, J])
+        P = np.eye(n) - np.linalg.pinv(augmented, rcond=1e-9) @ augmented
+    return dq + P @ g
+
+
+def problem(seed: int, sizes: list[int], n: int) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return [(rng.normal(size=(m, n)), rng.normal(size=m)) for m in sizes], rng.normal(size=n)
+
+
+def stacked(levels: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    return np.vstack([J for J, _ in levels]), np.concatenate([e for _, e in levels])
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), sizes=st.lists(st.integers(1, 6), min_size=1, max_size=4), extra=st.integers(0, 10))
+def test_equals_the_recursion_while_the_tasks_are_independent(seed: int, sizes: list[int], extra: int) -> None:
+    levels, g = problem(seed, sizes, sum(sizes) + 1 + extra)
+    J, e = stacked(levels)
+    if np.linalg.cond(J) > 1e3:
+        return
+    step = prioritised_step(J, e, g, np.full(len(e), 1e-14))
+    np.testing.assert_allclose(step, recursion(levels, g), atol=1e-6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**31), m=st.integers(1, 5), lower=st.integers(1, 12))
+def test_a_lower_level_never_disturbs_a_higher_one(seed: int, m: int, lower: int) -> None:
+    n = 8
+    levels, g = problem(seed, [m, lower], n)
+    (J1, e1), _ = levels
+    if np.linalg.cond(J1) > 50:
+        return
+    J, e = stacked(levels)
+    damping2 = np.concatenate([np.full(m, 1e-12), np.full(lower, 1e-2)])
+    np.testing.assert_allclose(J1 @ prioritised_step(J, e, g, damping2), e1, atol=1e-6)
+
+
+def test_conflicting_levels_meet_the_first_and_do_their_best_for_the_second() -> None:
+    J = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    step = prioritised_step(J, np.array([1.0, -5.0, 2.0]), np.zeros(2), np.array([1e-12, 1e-6, 1e-6]))
+    np.testing.assert_allclose(step, [1.0, 2.0], atol=1e-4)
+
+
+def test_the_step_stays_bounded_at_a_singularity() -> None:
+    J = np.array([[1e-9, 0.0]])
+    for error in (1e-3, 1.0, 100.0):
+        step = prioritised_step(J, np.array([error]), np.zeros(2), np.array([1e-4 + error**2]))
+        assert np.abs(step).max() <= 0.5
+
+
+def test_no_error_and_no_gradient_give_no_step() -> None:
+    (J, _), = problem(1, [4], 7)[0]
+    np.testing.assert_array_equal(prioritised_step(J, np.zeros(4), np.zeros(7), np.full(4, 1e-6)), np.zeros(7))
+
+
+@settings(max_examples=100, deadline=None)
+@given(seed=st.integers(0, 2**31), first=st.sampled_from([0, 6]), width=st.floats(0.0, 1.0))
+def test_clamped_steps_hold_their_bounds(seed: int, first: int, width: float) -> None:
+    n = 12 + first
+    levels, g = problem(seed, [4, 5], n)
+    J, e = stacked(levels)
+    rng = np.random.default_rng(seed)
+    lowest, highest = -width * rng.random(12), width * rng.random(12)
+    step, fixed = clamped_step(J, e, g, np.full(9, 1e-4), lowest, highest, first)
+    assert (step[first:] >= lowest - 1e-12).all() and (step[first:] <= highest + 1e-12).all()
+    assert 0 <= fixed <= 12
+
+
+def test_clamping_solves_again_with_fewer_joints() -> None:
+    """Joint 0 may move 0.1 only; joint 1 has to do the rest of x = q0 + q1."""
+    J, e = np.array([[1.0, 1.0]]), np.array([1.0])
+    step, fixed = clamped_step(J, e, np.zeros(2), np.full(1, 1e-12), np.array([-1, -1.0]), np.array([0.1, 1.0]), 0)
+    assert fixed == 1
+    np.testing.assert_allclose(step, [0.1, 0.9], atol=1e-6)
+
+
+def test_bounds_that_exclude_zero_move_the_joint_back_inside() -> None:
+    step, _ = clamped_step(
+        np.array([[1.0, 0.0]]), np.zeros(1), np.zeros(2), np.full(1, 1e-12), np.array([0.2, -1]), np.array([0.5, 1]), 0
+    )
+    assert step[0] == pytest.approx(0.2)
