@@ -52,7 +52,7 @@ class PerformerConfig(Config):
     speed: float = Field(1.0, ge=0.1, le=4.0, description="Factor on the pace of the performance [-].")
     duration_s: float | None = Field(
         None,
-        ge=4.0,
+        gt=0,
         le=600.0,
         description="Length of the performance, by more repetitions or a longer hold; null for the scenario's own; "
         "only scenarios that can be stretched have it [s].",
@@ -67,13 +67,18 @@ class PerformerConfig(Config):
     hand_speed_m_s: float = Field(
         0.6, gt=0, le=4.0, description="Greatest speed of the hand in every stroke of hand_updown [m/s]."
     )
-    markers: Literal["none", "41"] = Field("none", description="Optical markers on the skin: none or the set of 41 [-].")
+    markers: Literal["none", "41"] = Field(
+        "none", description="Optical markers on the skin: none or the set of 41 [-]."
+    )
     targets: bool = Field(False, description="Whether 17 rigid 6-dof targets are worn [-].")
     noise_std_m: float = Field(
         0.0, ge=0, le=0.5, description="Standard deviation of white noise on every captured coordinate [m]."
     )
     orientation_noise_rad: float = Field(
-        0.0, ge=0, le=1.0, description="Standard deviation of white noise on captured orientations, per axis [rad]."
+        0.0,
+        ge=0,
+        le=1.0,
+        description="Standard deviation of white noise on captured orientations, per axis [rad].",
     )
     skin_motion_m: float = Field(
         0.0,
@@ -81,7 +86,9 @@ class PerformerConfig(Config):
         le=0.2,
         description="Standard deviation of the slow (0.5 to 4 Hz) motion of skin and clothes over the bones [m].",
     )
-    loss: float = Field(0.0, ge=0, lt=1.0, description="Probability that a captured point is lost in a frame [-].")
+    loss: float = Field(
+        0.0, ge=0, lt=1.0, description="Probability that a captured point is lost in a frame [-]."
+    )
     loss_burst_s: float = Field(0.1, ge=0, le=10.0, description="Mean length of a loss [s].")
     seed: int = Field(0, ge=0, description="Seed of noise, skin motion and loss [-].")
 
@@ -103,11 +110,17 @@ class PerformerConfig(Config):
     @model_validator(mode="after")
     def _fits_the_scenario(self) -> PerformerConfig:
         scenario = SCENARIOS[self.scenario]
-        if self.duration_s is not None and not scenario.stretchable:
-            legal = ", ".join(sorted(s.name for s in SCENARIOS.values() if s.stretchable))
-            raise ValueError(
-                f"duration_s: '{self.scenario}' has its own length; change its speed, or choose one of {legal}"
-            )
+        if self.duration_s is not None:
+            if scenario.least_s is None:
+                legal = ", ".join(sorted(s.name for s in SCENARIOS.values() if s.stretchable))
+                raise ValueError(
+                    f"duration_s: '{self.scenario}' has its own length; change its speed, or choose one of {legal}"
+                )
+            if self.duration_s * self.speed < scenario.least_s:
+                raise ValueError(
+                    f"duration_s: '{self.scenario}' at speed {self.speed:g} needs at least "
+                    f"{scenario.least_s / self.speed:.2f} s, got {self.duration_s:g}"
+                )
         if self.step_length_m is not None and not scenario.steps:
             legal = ", ".join(sorted(s.name for s in SCENARIOS.values() if s.steps))
             raise ValueError(f"step_length_m: '{self.scenario}' makes no step; scenarios that do: {legal}")
@@ -135,7 +148,12 @@ class Performer(Source[PerformerConfig]):
             markers=c.markers == "41",
             targets=c.targets,
             degradation=Degradation(
-                c.noise_std_m, c.orientation_noise_rad, c.skin_motion_m, c.loss, c.loss_burst_s * c.rate_hz, c.seed
+                c.noise_std_m,
+                c.orientation_noise_rad,
+                c.skin_motion_m,
+                c.loss,
+                c.loss_burst_s * c.rate_hz,
+                c.seed,
             ),
         )
         self.rate_hz = c.rate_hz

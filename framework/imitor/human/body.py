@@ -139,6 +139,7 @@ def check_segment(name: str) -> None:
     if name not in FRACTIONS:
         hint = did_you_mean(name, FRACTIONS)
         raise ImitorError(
-            f"segment_ratios: no segment is called '{name}'" + (f"; {hint}" if hint else "")
+            f"segment_ratios: no segment is called '{name}'"
+            + (f"; {hint}" if hint else "")
             + f" Legal: {', '.join(FRACTIONS)}."
         )

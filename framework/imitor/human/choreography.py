@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from imitor.human.body import Body
 from imitor.human.trajectories import bump, keys, minimum_jerk
-from imitor.types import SIDES, Array, BoolArray
+from imitor.types import ROLE_INDEX, SIDES, Array, BoolArray
 
 TOE_OUT: Final = np.radians(7.0)
 """Yaw of each foot in quiet standing, toes outwards [rad]."""
@@ -165,7 +165,15 @@ class Choreography:
         self.com = keys(self.time, points)
 
     def step(
-        self, side: str, off: float, on: float, to: ArrayLike, *, height: float, roll_off: float, strike: float
+        self,
+        side: str,
+        off: float,
+        on: float,
+        to: ArrayLike,
+        *,
+        height: float,
+        roll_off: float,
+        strike: float,
     ) -> None:
         """Move a foot from where it stands to another place, flat on the floor before ``off`` and after ``on``.
 
@@ -187,6 +195,21 @@ class Choreography:
         foot.heel_up += roll_off * bump(s, 0.0, 0.75)
         foot.toes_up += strike * bump(s, 0.45, 1.0)
         self.airborne(side, off, on)
+
+    def lead_ankle(self, side: str, place: Array, height: Array) -> None:
+        """Lead a foot by its ankle, whatever its pitch ``heel_up`` and for a yaw of zero.
+
+        Args:
+            side: Which foot.
+            place: Horizontal ankle positions (T, 2) [m].
+            height: Ankle heights (T,) [m].
+        """
+        foot, to_ball = self.feet[side], self.body.offset(f"{side}_ankle", f"{side}_toe")
+        c, s = np.cos(foot.heel_up), np.sin(foot.heel_up)
+        ahead, below = to_ball[0], -to_ball[2]
+        foot.place = place - np.column_stack([ahead * (1.0 - c) + below * s, np.zeros_like(c)])
+        flat = self.body.rest[ROLE_INDEX[f"{side}_ankle"], 2]
+        foot.lift = height - flat - ahead * s + below * (1.0 - c)
 
     def airborne(self, side: str, off: float, on: float) -> None:
         """Declare that a foot has no contact between two times [s]."""

@@ -18,7 +18,9 @@ def rotation_noise(rng: np.random.Generator, n: int, std_rad: float) -> Array:
     return exponential(rng.normal(0.0, std_rad, (n, 3)))
 
 
-def lost(rng: np.random.Generator, n_frames: int, n_points: int, share: float, burst_frames: float) -> BoolArray:
+def lost(
+    rng: np.random.Generator, n_frames: int, n_points: int, share: float, burst_frames: float
+) -> BoolArray:
     """Return when each point is lost, shape (T, N): bursts of geometric length, independent between points.
 
     Args:

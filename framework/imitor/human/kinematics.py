@@ -15,12 +15,13 @@ import numpy as np
 from imitor.human import rotations as rot
 from imitor.human.body import Body
 from imitor.human.choreography import SIGN, Arm, Choreography, Foot, Reach
+from imitor.human.trajectories import lower_envelope
 from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array
 
-KNEE_AT_REST: Final = np.radians(5.0)
+KNEE_AT_REST: Final = np.radians(9.0)
 """The knees are never straighter than this: where the leg is straight its joint angle would jump [rad]."""
-_SOFT: Final = 0.003
-"""Softness of the pelvis' ceiling over the two legs, as a fraction of the stature."""
+_FORESIGHT_S: Final = 0.18
+"""How long before and after a leg asks for it the pelvis is lowered, in authored time [s]."""
 
 
 @dataclass
@@ -55,6 +56,8 @@ class Figure:
         self.R_thorax = self.R_pelvis @ rot.yaw_pitch_roll(score.spine)
         self.R_neck = self.R_thorax @ rot.yaw_pitch_roll(0.4 * score.head)
         self.R_head = self.R_thorax @ rot.yaw_pitch_roll(score.head)
+        dt = score.time[1] - score.time[0]
+        self._window = int(round(_FORESIGHT_S / dt))
         self._arms = {side: _arm_rotations(score.arms[side], SIGN[side], self.R_thorax) for side in SIDES}
         for side in SIDES:
             _place_foot(self.poses, self.body, side, score.feet[side])
@@ -80,18 +83,17 @@ class Figure:
     def _pelvis_height(self, xy: Array) -> Array:
         """Lower the pelvis as authored, and as far as the legs ask for where the feet are apart."""
         length = _longest(self.body.length("thigh"), self.body.length("shank"))
-        soft = _SOFT * self.body.height_m
-        ceilings = []
+        ceiling = np.full(len(xy), np.inf)
         for side in SIDES:
             ankle = self.poses[f"{side}_ankle"][0]
             hip = self._hips[side]
             away = xy + hip[:, :2] - ankle[:, :2]
-            # floored smoothly: a foot far out of reach must show in the result, not as a NaN
+            # a foot far out of reach must show as a pelvis far too low, not as a NaN
             room = length**2 - np.einsum("ti,ti->t", away, away)
-            ceilings.append(ankle[:, 2] - hip[:, 2] + np.sqrt(np.maximum(room, (0.2 * length) ** 2)))
-        a, b = ceilings
-        ceiling = np.minimum(a, b) - soft * np.log1p(np.exp(-np.abs(a - b) / soft))
-        return np.asarray(ceiling - self.score.drop)
+            ceiling = np.minimum(
+                ceiling, ankle[:, 2] - hip[:, 2] + np.sqrt(np.maximum(room, (0.2 * length) ** 2))
+            )
+        return lower_envelope(ceiling, self._window) - self.score.drop
 
     def _leg(self, side: str, hip: Array) -> None:
         poses, body = self.poses, self.body
@@ -108,7 +110,10 @@ class Figure:
     def _arm(self, side: str, shoulder: Array, reach: Reach | None) -> None:
         poses, body = self.poses, self.body
         R_upper, R_fore, R_hand = self._arms[side]
-        upper, fore = body.offset(f"{side}_shoulder", f"{side}_elbow"), body.offset(f"{side}_elbow", f"{side}_wrist")
+        upper, fore = (
+            body.offset(f"{side}_shoulder", f"{side}_elbow"),
+            body.offset(f"{side}_elbow", f"{side}_wrist"),
+        )
         palm = body.offset(f"{side}_wrist", f"{side}_hand")
         elbow = shoulder + rot.apply(R_upper, upper)
         wrist = elbow + rot.apply(R_fore, fore)
@@ -116,7 +121,11 @@ class Figure:
             share = reach.share
             R_target = rot.about_z(reach.yaw)
             goal = reach.hand - rot.apply(R_target, palm)
-            target = wrist + share[:, None] * (goal - wrist)
+            target = _within_reach(
+                shoulder,
+                wrist + share[:, None] * (goal - wrist),
+                body.length("upper_arm") + body.length("forearm"),
+            )
             along = rot.unit(target - shoulder)
             own = rot.unit(_across(elbow - shoulder, rot.unit(wrist - shoulder)))
             pole = own + share[:, None] * (reach.pole - own)
@@ -136,6 +145,17 @@ class Figure:
 def _longest(first: float, second: float) -> float:
     """Return the distance of a two-bone chain's ends when it is as straight as it may be."""
     return float(np.sqrt(first**2 + second**2 + 2 * first * second * np.cos(KNEE_AT_REST)))
+
+
+def _within_reach(start: Array, end: Array, length: float) -> Array:
+    """Draw ``end`` in where it is farther from ``start`` than an arm that is nearly straight, smoothly."""
+    free, room = 0.955 * length, 0.04 * length
+    v = end - start
+    distance = np.sqrt(np.einsum("ti,ti->t", v, v))
+    excess = np.maximum(distance - free, 0.0)
+    return np.asarray(
+        start + v * (np.minimum(distance, free) + room * np.tanh(excess / room))[:, None] / distance[:, None]
+    )
 
 
 def _across(v: Array, axis: Array) -> Array:

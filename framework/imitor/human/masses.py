@@ -76,11 +76,17 @@ def _middle(part: str) -> Point:
     return {f"left_{part}": 0.5, f"right_{part}": 0.5}
 
 
-_TRUNK_ENDS: Final = ((_middle("shoulder"), _middle("hip")), (_at("neck"), _middle("hip")), (_at("neck"), _at("pelvis")))
+_TRUNK_ENDS: Final = (
+    (_middle("shoulder"), _middle("hip")),
+    (_at("neck"), _middle("hip")),
+    (_at("neck"), _at("pelvis")),
+)
 
 
 def _trunk(mass: float, share: float) -> Segment:
-    return Segment(mass, tuple(_along(top, bottom, share) for top, bottom in _TRUNK_ENDS) + (_at("chest"), _at("pelvis")))
+    return Segment(
+        mass, tuple(_along(top, bottom, share) for top, bottom in _TRUNK_ENDS) + (_at("chest"), _at("pelvis"))
+    )
 
 
 def deleva(sex: str) -> list[Segment]:

@@ -8,7 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from imitor.errors import ImitorError
 from imitor.human import masses
+from imitor.human.body import Body
 from imitor.human.choreography import Choreography
 from imitor.human.kinematics import Figure
 from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, read_only
@@ -59,6 +61,9 @@ def perform(score: Choreography, time_s: Array) -> Truth:
     Args:
         score: The channels.
         time_s: Times of the frames as published (T,) [s].
+
+    Raises:
+        ImitorError: A foot is led out of the legs' reach.
     """
     figure = Figure(score)
     weights = masses.full_weights(score.body.sex)
@@ -68,6 +73,7 @@ def perform(score: Choreography, time_s: Array) -> Truth:
         com = np.tensordot(poses.position, weights, axes=(1, 0))
         pelvis = pelvis + _GAIN * (score.com - com[:, :2])
     poses = figure.place(pelvis)
+    _check_reach(poses.position, score.body, time_s)
     return Truth(
         time_s=time_s,
         position=poses.position,
@@ -78,6 +84,19 @@ def perform(score: Choreography, time_s: Array) -> Truth:
         handle=score.handle,
         grasped=score.grasped,
     )
+
+
+def _check_reach(position: Array, body: Body, time_s: Array) -> None:
+    longest = body.length("thigh") + body.length("shank")
+    for side in SIDES:
+        leg = position[:, ROLE_INDEX[f"{side}_ankle"]] - position[:, ROLE_INDEX[f"{side}_hip"]]
+        reach = np.sqrt(np.einsum("ti,ti->t", leg, leg))
+        if reach.max() > longest:
+            i = int(reach.argmax())
+            raise ImitorError(
+                f"performer: at t={time_s[i]:.2f} s the {side} foot would be {reach[i]:.2f} m from the hip, but the leg "
+                f"is {longest:.2f} m long; ask for shorter steps (step_length_m) or a taller performer (height_m)"
+            )
 
 
 _MIRROR: Final = np.array([1.0, -1.0, 1.0])

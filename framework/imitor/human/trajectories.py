@@ -75,3 +75,17 @@ def through(t: Array, points: Sequence[tuple[float, ArrayLike]]) -> Array:
     return np.asarray(
         values[i] + up * (values[i + 1] - values[i]) + h * (leave * slope[i] + arrive * slope[i + 1])
     )
+
+
+def lower_envelope(ceiling: Array, half: int) -> Array:
+    """Return a smooth course that nowhere exceeds ``ceiling`` (T,).
+
+    The least value within ``half`` samples, averaged over the same window with weights (1 − s²)³: an average of
+    minima that each reach the sample at hand cannot exceed it.
+    """
+    if half < 1:
+        return ceiling
+    padded = np.pad(ceiling, 2 * half, mode="edge")
+    least = np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1).min(axis=1)
+    kernel = (1.0 - np.linspace(-1.0, 1.0, 2 * half + 3)[1:-1] ** 2) ** 3
+    return np.convolve(least, kernel / kernel.sum(), mode="valid")

@@ -57,7 +57,7 @@ class Layout:
     e: Array
     level_of: Array
     n_levels: int
-    starts: Array
+    starts: list[int]
     root_weight: Array
     weighted: bool
     W: Array
@@ -183,7 +183,7 @@ class TaskRows:
         pack = lambda d: [(t, np.array(r), np.array(a), f, ref) for t, r, a, f, ref in d.values()]  # noqa: E731
         return Layout(
             m=m, n=n, first=first, J=np.zeros((m, n)), e=np.zeros(m), level_of=compact, n_levels=len(used),
-            starts=np.array([int(np.argmax(compact == k)) for k in range(len(used))], dtype=int),
+            starts=[int(np.argmax(compact == k)) for k in range(len(used))],
             root_weight=weight, weighted=bool((weight != 1.0).any()), W=W, mask=mask, far_mask=far,
             directions=directions, direction_rows=np.array(d_rows, dtype=int), distal=np.array(distal, dtype=int),
             proximal=np.array(proximal, dtype=int), linear_rows=np.array(lin_rows, dtype=int),

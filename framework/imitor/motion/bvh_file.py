@@ -1,7 +1,7 @@
 """BVH files as arrays: `read_bvh` and `write_bvh`.
 
-The file is kept as it is: its units, its axes, its angles in degrees. `imitor.motion.kinematics` turns it into
-positions and rotations.
+The file is kept as it is: its units, its axes, its angles in degrees. `imitor.motion.kinematics` turns it
+into positions and rotations.
 """
 
 from __future__ import annotations
@@ -87,7 +87,9 @@ def read_bvh(path: str | Path) -> Bvh:
     return _read_motion(path, text, start.end(), nodes)
 
 
-def write_bvh(path: str | Path, nodes: Sequence[Node], motion: Array, frame_time_s: float, digits: int = 17) -> None:
+def write_bvh(
+    path: str | Path, nodes: Sequence[Node], motion: Array, frame_time_s: float, digits: int = 17
+) -> None:
     """Write a BVH file; it appears whole or not at all.
 
     Args:
@@ -225,7 +227,15 @@ class _Hierarchy:
         brace = self.tokens[self.at - 1][1]
         offset = self._offset(name or "End Site")
         channels = self._channels(name or "End Site")
-        nodes.append(Node("" if kind == "END" else name, opened[-1][0] if opened else -1, offset, channels, kind == "END"))
+        nodes.append(
+            Node(
+                "" if kind == "END" else name,
+                opened[-1][0] if opened else -1,
+                offset,
+                channels,
+                kind == "END",
+            )
+        )
         opened.append((len(nodes) - 1, brace))
         if len(nodes) > MAX_NODES or len(opened) > MAX_DEPTH:
             raise self.fail(f"more than {MAX_NODES} joints or {MAX_DEPTH} levels: no human skeleton", line)
@@ -246,7 +256,9 @@ class _Hierarchy:
         except ValueError:
             raise self.fail(f"expected {expected}, found '{word[:40]}'", line) from None
         if not np.isfinite(value):
-            raise self.fail(f"expected {expected}, found '{word[:40]}': only finite numbers have a meaning", line)
+            raise self.fail(
+                f"expected {expected}, found '{word[:40]}': only finite numbers have a meaning", line
+            )
         return value
 
     def _channels(self, name: str) -> tuple[str, ...]:
@@ -264,7 +276,8 @@ class _Hierarchy:
             if channel is None:
                 hint = did_you_mean(given, CHANNELS)
                 raise self.fail(
-                    f"channel {i + 1} of {word} of '{name}' is '{given[:40]}'; legal are {', '.join(CHANNELS)}"
+                    f"channel {i + 1} of {word} of '{name}' is '{given[:40]}'; "
+                    f"legal are {', '.join(CHANNELS)}"
                     + (f"; {hint}" if hint else ""),
                     line,
                 )
@@ -293,7 +306,9 @@ def _read_motion(path: str | Path, text: str, at: int, nodes: tuple[Node, ...]) 
         try:
             value = float(match.group(1))
         except ValueError:
-            raise SourceError(path, f"'{label}:' needs a number, found '{match.group(1).strip()[:40]}'", line) from None
+            raise SourceError(
+                path, f"'{label}:' needs a number, found '{match.group(1).strip()[:40]}'", line
+            ) from None
         return value, line
 
     frames, frames_line = number(_FRAMES, "Frames")
@@ -301,7 +316,9 @@ def _read_motion(path: str | Path, text: str, at: int, nodes: tuple[Node, ...]) 
         raise SourceError(path, f"'Frames:' is {frames:g}; a motion has one frame at least", frames_line)
     dt, dt_line = number(_FRAME_TIME, "Frame Time")
     if not (np.isfinite(dt) and dt > 0.0):
-        raise SourceError(path, f"'Frame Time:' is {dt:g}; the time between frames is greater than 0 s", dt_line)
+        raise SourceError(
+            path, f"'Frame Time:' is {dt:g}; the time between frames is greater than 0 s", dt_line
+        )
     width = sum(len(n.channels) for n in nodes)
     if width == 0:
         raise SourceError(path, "no joint has a channel, so nothing moves", frames_line)
@@ -334,9 +351,13 @@ def _bad_token(path: str | Path, block: str, first_line: int) -> SourceError:
             try:
                 finite = np.isfinite(float(word))
             except ValueError:
-                return SourceError(path, f"value {column} of this line is '{word[:40]}', not a number", number)
+                return SourceError(
+                    path, f"value {column} of this line is '{word[:40]}', not a number", number
+                )
             if not finite:
-                return SourceError(path, f"value {column} of this line is '{word[:40]}', not a finite number", number)
+                return SourceError(
+                    path, f"value {column} of this line is '{word[:40]}', not a finite number", number
+                )
     return SourceError(path, "the motion holds something that is not a number", first_line)
 
 
@@ -354,5 +375,7 @@ def _wrong_count(
     total = f"{frames} frames of {width} numbers make {frames * width}, the motion holds {size}"
     if odd and len(odd) <= max(1, len(counts) // 10):  # one number a frame is missing or too many: say where
         number, n = odd[0]
-        return SourceError(path, f"this line has {n} numbers, the hierarchy has {width} channels ({total})", number)
+        return SourceError(
+            path, f"this line has {n} numbers, the hierarchy has {width} channels ({total})", number
+        )
     return SourceError(path, total, frames_line)

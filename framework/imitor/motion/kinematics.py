@@ -28,10 +28,21 @@ class Poses:
     rotation: Array
 
 
+def ancestry(nodes: Sequence[Node], wanted: Iterable[int]) -> list[int]:
+    """Return the nodes wanted and all their ancestors, parents before children."""
+    needed = set[int]()
+    for node in wanted:
+        i = node
+        while i >= 0 and i not in needed:
+            needed.add(i)
+            i = nodes[i].parent
+    return sorted(needed)
+
+
 def forward_kinematics(nodes: Sequence[Node], motion: Array, wanted: Iterable[int] | None = None) -> Poses:
     """Return the poses of nodes over time.
 
-    Rotation channels are intrinsic in the listed order, so ``Zrotation Xrotation Yrotation`` means R_z R_x R_y.
+    Rotation channels are intrinsic in the listed order: ``Zrotation Xrotation Yrotation`` means R_z R_x R_y.
     Position channels replace the offset, each its own axis.
 
     Args:
@@ -40,17 +51,12 @@ def forward_kinematics(nodes: Sequence[Node], motion: Array, wanted: Iterable[in
         wanted: The nodes asked for; all by default. Only they and their ancestors are computed.
     """
     chosen = list(range(len(nodes)) if wanted is None else wanted)
-    needed = set[int]()
-    for i in chosen:
-        while i >= 0 and i not in needed:
-            needed.add(i)
-            i = nodes[i].parent
     first = np.cumsum([0, *(len(n.channels) for n in nodes)])
     frames = len(motion)
     # Time is the last axis here: every product below then runs over contiguous memory.
     position: dict[int, Array] = {}
     rotation: dict[int, Array] = {}
-    for i in sorted(needed):
+    for i in ancestry(nodes, chosen):
         node = nodes[i]
         values = np.ascontiguousarray(motion[:, first[i] : first[i + 1]].T)
         place = np.repeat(node.offset[:, None], frames, axis=1)
@@ -73,7 +79,7 @@ def forward_kinematics(nodes: Sequence[Node], motion: Array, wanted: Iterable[in
 
 
 def _turn(rotation: Array, axis: int, angle: Array) -> Array:
-    """Return R · R_axis(angle), shape (3, 3, T): such a product only mixes the two columns beside the axis."""
+    """Return R · R_axis(angle), shape (3, 3, T): the product mixes the two columns beside the axis."""
     c, s = np.cos(angle), np.sin(angle)
     j, k = (axis + 1) % 3, (axis + 2) % 3
     out = np.empty_like(rotation)

@@ -1,7 +1,7 @@
 """From a file's world to ours: up axis, length unit, frame rate, floor, left and right.
 
-A motion file states none of these; each is found from the size and the motion of the body, or given by the user.
-Positions are role positions, shape (T, R, 3), NaN where a role is unknown.
+A motion file states none of these; each is found from the size and the motion of the body, or given by the
+user. Positions are role positions, shape (T, R, 3), NaN where a role is unknown.
 """
 
 from __future__ import annotations
@@ -35,11 +35,13 @@ RATES_HZ: Final = (24, 25, 30, 50, 60, 72, 90, 100, 120, 144, 200, 240, 250, 300
 ANKLE_FRACTION: Final = 0.045
 TOE_FRACTION: Final = 0.012
 TIP_FRACTION: Final = 0.006
-"""Heights of ankle, ball and tip of the foot over the floor as fractions of stature [-], for joint centres."""
+"""Usual heights of ankle, toe and toe tip over the floor as fractions of stature [-]."""
 
 FLOOR_TOLERANCE_M: Final = 0.03
 STILL_M_S: Final = 0.15
 FLAT_M: Final = 0.025
+LEVEL_M: Final = 0.04
+"""When a foot stands flat: slower than this, this low, and its points this near to each other's usual heights."""
 
 UP_AXES: Final[Mapping[str, Sequence[Sequence[float]]]] = {
     "x": ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
@@ -49,12 +51,12 @@ UP_AXES: Final[Mapping[str, Sequence[Sequence[float]]]] = {
     "-y": ((0, 0, 1), (-1, 0, 0), (0, -1, 0)),
     "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
 }
-"""Rotation to a world with z up, by the file's axis that points up: y up, z forward, x left becomes z, x, y."""
+"""Rotation to a world with z up by the file's axis that points up; of y up, z forward, x left: (z, x, y)."""
 
 
 def role(position: Array, name: str) -> Array:
     """Return one role's positions, shape (..., 3)."""
-    return position[..., ROLE_INDEX[name], :]
+    return np.asarray(position[..., ROLE_INDEX[name], :])
 
 
 def middle(position: Array, joint: str) -> Array:
@@ -131,7 +133,7 @@ class Stance:
 
     Attributes:
         floor_m: Height of the floor in the recording's world [m].
-        height_m: Heights of ankle, toe and toe tip over that floor when the foot stands flat [m]; NaN if unknown.
+        height_m: Heights of ankle, toe and toe tip over that floor in a flat foot [m]; NaN if unknown.
         flat: Frames in which a foot stands flat, shape (T, 2), left and right.
     """
 
@@ -143,8 +145,8 @@ class Stance:
 def find_stance(position: Array, rate_hz: float, height_m: float) -> Stance:
     """Find the floor and the frames in which a foot stands flat on it.
 
-    A foot stands when it is still and low. The floor is then where the lowest of ankle, toe and toe tip puts it, each
-    lowered by its usual height over the sole.
+    A foot stands when it is still and low. The floor is then where the lowest of ankle, toe and toe tip puts
+    it, each lowered by its usual height over the sole.
 
     Args:
         position: Role positions, z up, shape (T, R, 3) [m].
@@ -167,6 +169,8 @@ def find_stance(position: Array, rate_hz: float, height_m: float) -> Stance:
         still = sole <= np.quantile(sole, 0.1)
     flat = still & (sole < np.quantile(sole[still], 0.1) + FLAT_M)
     floor = float(np.median(sole[flat]))
+    level = flat & (np.ptp(z - usual, axis=2) < LEVEL_M)  # neither on the heel nor on the toes
+    flat = level if level.any() else flat
     flat &= (np.abs(z - np.median(z[flat], axis=0)) < FLAT_M).all(axis=2)
     heights = np.median(z[flat], axis=0) if flat.any() else floor + usual
     over = np.full(3, np.nan)
@@ -174,30 +178,42 @@ def find_stance(position: Array, rate_hz: float, height_m: float) -> Stance:
     return Stance(floor, (float(over[0]), float(over[1]), float(over[2])), flat.T)
 
 
+def lateral_axes(position: Array) -> tuple[Array, Array]:
+    """Return the horizontal directions from right to left of hips and of shoulders, shape (..., 3) each."""
+    lines = [role(position, f"left_{j}") - role(position, f"right_{j}") for j in ("hip", "shoulder")]
+    hips, shoulders = (unit_vector(line * (1.0, 1.0, 0.0)) for line in lines)
+    return hips, shoulders
+
+
 def handedness(position: Array) -> float:
-    """Tell whether left is left: mean cosine between the line of the hips and the left that the feet define.
+    """Tell whether left is left: mean cosine of the body's lateral axis and the left that the feet define.
 
     Feet, or without toes the bending of the knees, point forward; up × forward is left.
 
     Returns:
         +1 for a body as it should be, -1 for a mirrored one, about 0 when nothing can be told.
     """
-    lateral = role(position, "left_hip") - role(position, "right_hip")
-    forward = np.zeros_like(lateral)
+    forward = np.zeros_like(position[..., 0, :])
     for side in SIDES:
-        ankle = role(position, f"{side}_ankle")
-        toe = role(position, f"{side}_toe")
-        if np.isnan(toe).any():
-            toe = role(position, f"{side}_toe_tip")
-        if np.isnan(toe).any():
-            hip, knee = role(position, f"{side}_hip"), role(position, f"{side}_knee")
-            toe, ankle = knee, 0.5 * (hip + ankle)
-        forward += toe - ankle
-    lateral[..., 2] = forward[..., 2] = 0.0
+        ahead = toe_direction(position, side)
+        if ahead is None:
+            hip, knee, ankle = (role(position, f"{side}_{j}") for j in ("hip", "knee", "ankle"))
+            ahead = knee - 0.5 * (hip + ankle)
+        forward += unit_vector(ahead * (1.0, 1.0, 0.0))
     left = np.cross([0.0, 0.0, 1.0], unit_vector(forward))
-    return float((left * unit_vector(lateral)).sum(axis=-1).mean())
+    hips, shoulders = lateral_axes(position)
+    return float((left * unit_vector(hips + shoulders)).sum(axis=-1).mean())
+
+
+def toe_direction(position: Array, side: str) -> Array | None:
+    """Return the direction from ankle to toe (or its tip), shape (..., 3); None when there is no toe."""
+    for toe in (f"{side}_toe", f"{side}_toe_tip"):
+        direction = role(position, toe) - role(position, f"{side}_ankle")
+        if not np.isnan(direction).any():
+            return direction
+    return None
 
 
 def known_roles(position: Array) -> BoolArray:
     """Tell which roles are known, shape (R,)."""
-    return ~np.isnan(position.reshape(-1, N_ROLES, 3)[0]).any(axis=-1)
+    return np.asarray(~np.isnan(position.reshape(-1, N_ROLES, 3)[0]).any(axis=-1))

@@ -24,9 +24,9 @@ from imitor.motion.normalise import (
     find_up,
     handedness,
     known_roles,
+    lateral_axes,
     role,
     snap_rate,
-    unit_vector,
 )
 from imitor.motion.rest_pose import (
     Reference,
@@ -118,7 +118,9 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
         up, clear = find_up(
             role_positions(poses.position, row, fit.points), role_positions(zero.position, row, fit.points)[0]
         )
-    notes.append(f"up axis of the file: {up}" + ("" if clear else " (uncertain: the body is never upright; set up)"))
+    notes.append(
+        f"up axis of the file: {up}" + ("" if clear else " (uncertain: the body is never upright; set up)")
+    )
     turn = np.array(UP_AXES[up], dtype=np.float64)
     poses, zero = _turned(poses, turn), _turned(zero, turn)
     position = role_positions(poses.position, row, fit.points)
@@ -151,7 +153,9 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     notes.append(why)
     position[..., 2] -= floor
     ankle_m, toe_m = _foot_heights(stance, floor, height_m)
-    rest_position[:, 2] += ankle_m - np.mean([role(rest_position, f"{s}_ankle")[2] for s in ("left", "right")])
+    rest_position[:, 2] += ankle_m - np.mean(
+        [role(rest_position, f"{s}_ankle")[2] for s in ("left", "right")]
+    )
     _check_sides(path, position, notes)
     raw_hz = 1.0 / bvh.frame_time_s
     notes.append(f"rate: {rate_hz:g} Hz" + (f" (written {raw_hz:.3f} Hz)" if rate_hz != raw_hz else ""))
@@ -276,7 +280,13 @@ def _check_sides(path: str | Path, position: Array, notes: list[str]) -> None:
             "Write a skeleton card with the sides exchanged and give it with --set source.skeleton=CARD.yaml",
         )
     if cosine < 0.3:
-        notes.append("left and right could not be checked: the feet do not point across the line of the hips")
+        notes.append("left and right could not be checked: the feet do not point across the body")
+    hips, shoulders = lateral_axes(position)
+    twist = np.degrees(np.arccos(np.clip((hips * shoulders).sum(axis=-1), -1.0, 1.0)))
+    if np.median(twist) > 75.0:
+        notes.append(
+            f"hips and shoulders face {np.median(twist):.0f} degrees apart: is the pelvis sensor calibrated?"
+        )
 
 
 def _window(path: str | Path, frames: int, rate_hz: float, options: ReadOptions) -> tuple[int, int]:

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from imitor.motion.bvh_file import Node
-from imitor.motion.normalise import middle, role, unit_vector
+from imitor.motion.normalise import lateral_axes, middle, role, toe_direction, unit_vector
 from imitor.motion.skeletons import RolePoint
 from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array, BoolArray
 
@@ -46,6 +46,10 @@ class Reference:
     position: Array
     rotation: Array
     roles: Array
+
+
+_FOOT_AIM: Final = np.array([np.sqrt(1.0 - 0.33**2), 0.0, -0.33])
+"""Direction from ankle to toe joint of a foot that stands flat, pointing ahead: a slope of about 19 degrees."""
 
 
 def uprightness(position: Array) -> Array:
@@ -124,6 +128,7 @@ def rest_rotations(
     correction: dict[int, Array] = {0: facing}
     if reference.kind == "motion":
         _straighten_trunk(correction, turn, reference, rotation)
+
     def inherited(i: int) -> Array:
         while i not in correction:
             i = row[nodes[chain[i]].parent]
@@ -143,11 +148,16 @@ def rest_rotations(
         level = None
         if flat is not None and position is not None:
             level = _level_foot(rotation[:, turn[ankle]], position, side, flat[:, i])
+        ahead = toe_direction(reference.roles, side)
         if level is not None:
             correction[turn[ankle]] = level @ reference.rotation[turn[ankle]].T
+        elif ahead is not None:
+            correction[turn[ankle]] = _yaw(-np.arctan2(ahead[1], ahead[0]))
+            if reference.kind == "motion":  # the foot may stand on its toes in that frame
+                now = unit_vector(correction[turn[ankle]] @ ahead)
+                correction[turn[ankle]] = _shortest(now, _FOOT_AIM) @ correction[turn[ankle]]
         else:
-            ahead = toe_direction(reference.roles, side)
-            correction[turn[ankle]] = facing if ahead is None else _yaw(-np.arctan2(ahead[1], ahead[0]))
+            correction[turn[ankle]] = facing
     rest = np.empty_like(reference.rotation)
     applied = np.empty_like(reference.rotation)
     for i, node in enumerate(chain):
@@ -193,15 +203,6 @@ def role_positions(position: Array, row: Mapping[int, int], points: Mapping[str,
     return out
 
 
-def toe_direction(roles: Array, side: str) -> Array | None:
-    """Return the direction from ankle to toe (or its tip), shape (..., 3); None when the skeleton has no toe."""
-    for toe in (f"{side}_toe", f"{side}_toe_tip"):
-        direction = role(roles, toe) - role(roles, f"{side}_ankle")
-        if not np.isnan(direction).any():
-            return direction
-    return None
-
-
 def mean_rotation(rotations: Array) -> Array:
     """Return the mean of rotations, shape (N, 3, 3): the rotation nearest to their arithmetic mean."""
     u, _, vt = np.linalg.svd(rotations.mean(axis=0))
@@ -211,8 +212,8 @@ def mean_rotation(rotations: Array) -> Array:
 
 def _facing(roles: Array) -> Array:
     """Return the rotation about the vertical that turns a pose, shape (R, 3), to face +x."""
-    lateral = unit_vector(role(roles, "left_hip") - role(roles, "right_hip"))
-    lateral = lateral + unit_vector(role(roles, "left_shoulder") - role(roles, "right_shoulder"))
+    hips, shoulders = lateral_axes(roles)
+    lateral = hips + shoulders
     return _yaw(-np.arctan2(-lateral[0], lateral[1]))
 
 

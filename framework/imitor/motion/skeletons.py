@@ -1,12 +1,11 @@
 """Skeleton cards: which joint of a file is which point of the human, and which card fits a file.
 
-A card is a YAML file; `SkeletonCard` is its schema. Names are compared without a namespace (``mixamorig:Hips``),
-a prefix that all joints share (``Character1_Hips``), upper case, blanks, ``.``, ``_`` and ``-``.
+A card is a YAML file; `SkeletonCard` is its schema. Names are compared without a namespace
+(``mixamorig:Hips``), a prefix that all joints share (``Character1_Hips``), upper case, blanks, ``.``, ``_`` and ``-``.
 """
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -38,17 +37,19 @@ class Between(BaseModel):
 
     start: str = Field(alias="from", description="Joint where the line starts.")
     end: str = Field(alias="to", description="Joint where the line ends.")
-    at: float = Field(0.5, description="Place on the line, 0 at its start and 1 at its end [-].")
-    turns_with: str = Field("", description="Joint whose rotation the point has; the start by default.")
+    at: float = Field(default=0.5, description="Place on the line, 0 at its start and 1 at its end [-].")
+    turns_with: str = Field(default="", description="Joint whose rotation the point has; the start by default.")
 
 
-PointSpec = Annotated[str | list[str] | Between, "a joint, several of which the first present counts, or a line"]
+PointSpec = Annotated[
+    str | list[str] | Between, "a joint, several of which the first present counts, or a line"
+]
 
 
 class SkeletonCard(BaseModel):
     """The skeleton of one capture system, converter or tool.
 
-    A role whose name lacks its side stands for both; ``{side}`` in its joint is replaced by the words of ``sides``.
+    A role whose name lacks its side stands for both; ``{side}`` in its joint becomes the word of ``sides``.
     ``Joint/end`` is the End Site of a joint.
     """
 
@@ -56,10 +57,12 @@ class SkeletonCard(BaseModel):
 
     title: str = Field(description="What the skeleton is, in words.")
     roles: dict[str, PointSpec] = Field(description="Role to joint.")
-    sides: dict[str, str] = Field({}, description="Words that replace {side} for left and right.")
-    marks: list[str] = Field([], description="Joints that tell this skeleton from its relatives; all must be there.")
-    unit: str = Field("", description="Unit that such files usually have; tried first.")
-    notes: str = Field("", description="What a reader should know; printed in the report.")
+    sides: dict[str, str] = Field(default={}, description="Words that replace {side} for left and right.")
+    marks: list[str] = Field(
+        [], description="Joints that tell this skeleton from its relatives; all must be there."
+    )
+    unit: str = Field(default="", description="Unit that such files usually have; tried first.")
+    notes: str = Field(default="", description="What a reader should know; printed in the report.")
 
     @model_validator(mode="after")
     def _roles_are_legal(self) -> SkeletonCard:
@@ -150,8 +153,7 @@ class NodeNames:
     def __init__(self, nodes: Sequence[Node]) -> None:
         joints = [n.name for n in nodes if not n.is_end]
         bare = [name.rsplit(":", 1)[-1] for name in joints]
-        prefix = os.path.commonprefix(bare) if len(bare) > 4 else ""
-        cut = prefix.rfind("_") + 1
+        cut = _common_prefix(bare).rfind("_") + 1 if len(bare) > 4 else 0
         self.joints = [name[cut:] for name in bare]
         self._index: dict[str, int] = {}
         names = iter(self.joints)
@@ -189,7 +191,7 @@ def fit_card(name: str, card: SkeletonCard, names: NodeNames) -> tuple[SkeletonF
 
 
 def recognise(nodes: Sequence[Node], cards: Mapping[str, SkeletonCard]) -> SkeletonFit | None:
-    """Return the card that fits a tree; of several the one that names most of its joints, None when none fits."""
+    """Return the card that fits a tree, of several the one that names most of its joints; None: none fits."""
     names = NodeNames(nodes)
     best: SkeletonFit | None = None
     best_score = -1
@@ -199,6 +201,12 @@ def recognise(nodes: Sequence[Node], cards: Mapping[str, SkeletonCard]) -> Skele
         if not missing and score > best_score:
             best, best_score = fit, score
     return best
+
+
+def _common_prefix(names: Sequence[str]) -> str:
+    low, high = min(names), max(names)
+    same = next((i for i, (a, b) in enumerate(zip(low, high, strict=False)) if a != b), len(low))
+    return low[:same]
 
 
 def _key(name: str) -> str:

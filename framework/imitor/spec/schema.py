@@ -120,7 +120,7 @@ def _escaped(data: Any) -> Any:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Write YAML that means the same by the rules of YAML 1.2: ``'1e-4'`` keeps its quotes when it is text."""
+    """Write YAML that means the same by YAML 1.2: ``'1e-4'`` keeps its quotes when it is text."""
 
     def ignore_aliases(self, data: Any) -> bool:
         return True

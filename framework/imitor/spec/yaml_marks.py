@@ -1,8 +1,8 @@
 """YAML text to plain data that knows its lines.
 
 PyYAML's constructors lose the lines and keep the last of two equal keys, so nodes are composed and turned
-into data here. Pipelines, robot cards and skeleton cards are all read by `parse_document`, and what pydantic finds
-wrong in them is brought back to their lines by `translate`.
+into data here. Pipelines, robot cards and skeleton cards are all read by `parse_document`, and what pydantic
+finds wrong in them is brought back to their lines by `translate`.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from imitor.human.choreography import Choreography
 from imitor.human.scenarios.scenario import Options, Scenario
 from imitor.human.trajectories import plateau
-from imitor.types import SIDES
+from imitor.types import ROLE_INDEX, SIDES
 
 rad: Final = np.radians
 
@@ -42,14 +42,23 @@ def single_leg_balance(score: Choreography, options: Options) -> None:
     score.lead_com([(0.4, score.between(0.0)), (off - 0.1, over), (on, over), (T - 0.3, score.between(0.0))])
     foot = score.feet["left"]
     leave = plateau(t, off, off + 1.4, on - 1.4, on)
-    foot.lift += H * (0.04 * leave + 0.20 * back)
-    foot.place += back[:, None] * np.array([-0.44 * H, 0.0]) + leave[:, None] * np.array([0.0, -0.01 * H])
-    foot.heel_up += rad(20) * leave + rad(45) * back
+    # the ankle goes back on an arc about the hip, the leg a little short of straight
+    swing = rad(60) * back
+    leg = 0.978 * (score.body.length("thigh") + score.body.length("shank"))
+    foot.heel_up += rad(10) * leave + rad(62) * back
+    aside = foot.place[:, 1] - 0.012 * H * leave
+    score.lead_ankle(
+        "left",
+        np.column_stack([-0.035 * H * back - leg * np.sin(swing), aside]),
+        score.body.rest[ROLE_INDEX["left_ankle"], 2]
+        + 0.30 * score.body.length("foot") * leave
+        + leg * (1.0 - np.cos(swing)),
+    )
     foot.yaw *= 1.0 - 0.8 * back
     score.airborne("left", off, on)
     score.drop += 0.004 * H * leave
-    score.pelvis[:, 1] += rad(30) * back
-    score.spine[:, 1] += rad(2) * back
+    score.pelvis[:, 1] += rad(40) * back
+    score.spine[:, 1] -= rad(6) * back
     for side in SIDES:
         arm = score.arms[side]
         arm.abduction += rad(80) * back
@@ -61,7 +70,7 @@ def single_leg_balance(score: Choreography, options: Options) -> None:
 
 SCENARIOS: Final = (
     Scenario("weight_shift_foot_lift", "weight onto one leg, the other foot lifted and held, and back", 10.0,
-             weight_shift_foot_lift, stretchable=True),
+             weight_shift_foot_lift, least_s=7.0),
     Scenario("single_leg_balance", "on one leg for seconds, the other stretched back, arms raised", 13.0,
-             single_leg_balance, "right", stretchable=True),
+             single_leg_balance, "right", least_s=9.0),
 )  # fmt: skip

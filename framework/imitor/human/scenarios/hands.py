@@ -9,9 +9,19 @@ import numpy as np
 from imitor.human.choreography import SIGN, Choreography, Reach
 from imitor.human.scenarios.scenario import Options, Scenario
 from imitor.human.trajectories import plateau
-from imitor.types import SIDES
+from imitor.types import ROLE_INDEX, SIDES
 
 rad: Final = np.radians
+
+
+def arm_length(score: Choreography) -> float:
+    """Return the length from shoulder to knuckles [m]."""
+    return sum(score.body.length(part) for part in ("upper_arm", "forearm", "hand"))
+
+
+def shoulder_height(score: Choreography) -> float:
+    """Return the height of the shoulders of the standing body [m]."""
+    return float(score.body.rest[ROLE_INDEX["left_shoulder"], 2])
 
 
 def hand_updown(score: Choreography, options: Options) -> None:
@@ -20,8 +30,9 @@ def hand_updown(score: Choreography, options: Options) -> None:
     reach = plateau(t, 0.4, 2.0, T - 2.0, T - 0.4)
     swing = plateau(t, 2.0, 3.2, T - 3.2, T - 2.0)
     amplitude = 0.10 * H
+    arm = arm_length(score)
     pulse = options.hand_speed_m_s / options.speed / amplitude
-    hand = np.tile([0.27 * H, 0.11 * H, 0.66 * H], (len(t), 1))
+    hand = np.tile([0.70 * arm, 0.11 * H, shoulder_height(score) - 0.16 * H], (len(t), 1))
     hand[:, 2] += amplitude * swing * np.sin(pulse * (t - 0.5 * T))
     score.reaches["left"] = Reach(reach, hand, np.full(len(t), rad(-82)), np.array([-0.3, 0.5, -0.8]))
     score.head[:, 1] += rad(6) * reach
@@ -32,7 +43,8 @@ def open_close_drawer(score: Choreography, options: Options) -> None:
     """Grasp a drawer's handle with both hands, pull it out, push it back and let go."""
     t, H = score.time, score.height
     n = len(t)
-    travel, height, closed = 0.25, 0.60 * H, 0.30 * H
+    arm = arm_length(score)
+    travel, height, closed = 0.37 * arm, shoulder_height(score) - 0.57 * arm, 0.78 * arm
     pulled = plateau(t, 3.0, 5.0, 5.8, 7.8)
     near = plateau(t, 0.5, 2.6, 8.2, 10.2)
     score.grasped = (t >= 2.6) & (t <= 8.2)
@@ -52,6 +64,6 @@ def open_close_drawer(score: Choreography, options: Options) -> None:
 
 SCENARIOS: Final = (
     Scenario("hand_updown", "one hand up and down before the body at a given speed", 12.0, hand_updown, "right",
-             stretchable=True),
+             least_s=8.0),
     Scenario("open_close_drawer", "both hands grasp a drawer's handle, pull and push it", 11.0, open_close_drawer),
 )  # fmt: skip

@@ -37,7 +37,7 @@ class Scenario:
         own_length_s: Authored length [s].
         author: Writes the channels; ``None`` for the rest pose.
         side: The side that leads when the user names none.
-        stretchable: Whether ``duration_s`` means something: more repetitions or a longer hold.
+        least_s: Shortest authored length [s]; ``None`` where the length is the motion's own.
         steps: Whether ``step_length_m`` means something.
         quasi_static: Whether the CoM stays over the feet in contact throughout.
     """
@@ -47,9 +47,14 @@ class Scenario:
     own_length_s: float
     author: Callable[[Choreography, Options], None] | None
     side: str = "left"
-    stretchable: bool = False
+    least_s: float | None = None
     steps: bool = False
     quasi_static: bool = True
+
+    @property
+    def stretchable(self) -> bool:
+        """Whether ``duration_s`` means something: more repetitions or a longer hold."""
+        return self.least_s is not None
 
     def length_s(self, options: Options) -> float:
         """Return the authored length under these options [s]."""

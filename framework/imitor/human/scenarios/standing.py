@@ -24,8 +24,12 @@ def stand(score: Choreography, options: Options) -> None:
     """Sway as a standing person does, a few millimetres."""
     t, H = score.time, score.height
     quiet = ends(t, score.length_s)
-    score.com[:, 0] += 0.0022 * H * quiet * (np.sin(2 * np.pi * 0.23 * t) + 0.5 * np.sin(2 * np.pi * 0.41 * t + 1.0))
-    score.com[:, 1] += 0.0016 * H * quiet * (np.sin(2 * np.pi * 0.19 * t + 2.0) + 0.4 * np.sin(2 * np.pi * 0.53 * t))
+    score.com[:, 0] += (
+        0.0022 * H * quiet * (np.sin(2 * np.pi * 0.23 * t) + 0.5 * np.sin(2 * np.pi * 0.41 * t + 1.0))
+    )
+    score.com[:, 1] += (
+        0.0016 * H * quiet * (np.sin(2 * np.pi * 0.19 * t + 2.0) + 0.4 * np.sin(2 * np.pi * 0.53 * t))
+    )
     score.head[:, 0] += rad(4) * quiet * np.sin(2 * np.pi * 0.11 * t)
     score.lean_with_weight()
 
@@ -36,10 +40,10 @@ def wave(score: Choreography, options: Options) -> None:
     up = plateau(t, 0.5, 2.0, T - 2.0, T - 0.5)
     swing = plateau(t, 1.6, 2.4, T - 2.6, T - 1.8) * np.sin(2 * np.pi * 1.1 * (t - 1.6))
     arm = score.arms["left"]
-    arm.abduction += rad(78) * up
-    arm.flexion += rad(22) * up
-    arm.twist -= rad(92) * up
-    arm.elbow += rad(72) * up + rad(24) * swing
+    arm.abduction += rad(62) * up
+    arm.flexion += rad(30) * up
+    arm.twist -= rad(90) * up
+    arm.elbow += rad(84) * up + rad(26) * swing
     arm.pronation += rad(40) * up
     arm.wrist += rad(-8) * up + rad(8) * swing
     score.spine[:, 2] -= rad(4) * up
@@ -92,9 +96,11 @@ def slow_dance(score: Choreography, options: Options) -> None:
 
 
 SCENARIOS: Final = (
-    Scenario("t_pose", "the rest pose, held exactly", 4.0, None, stretchable=True),
-    Scenario("stand", "quiet standing with a slight sway", 6.0, stand, stretchable=True),
-    Scenario("wave", "one arm raised beside the head, the forearm waves", 7.0, wave, "right", stretchable=True),
+    Scenario("t_pose", "the rest pose, held exactly", 4.0, None, least_s=0.1),
+    Scenario("stand", "quiet standing with a slight sway", 6.0, stand, least_s=3.0),
+    Scenario("wave", "one arm raised beside the head, the forearm waves", 7.0, wave, "right", least_s=5.5),
     Scenario("squat", "knees bent to a right angle, arms forward, and up again", 6.0, squat),
-    Scenario("slow_dance", "sway and turn with the arms, feet fixed, knees bending", 14.0, slow_dance, stretchable=True),
+    Scenario(
+        "slow_dance", "sway and turn with the arms, feet fixed, knees bending", 14.0, slow_dance, least_s=6.0
+    ),
 )

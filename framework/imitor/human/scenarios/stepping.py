@@ -26,7 +26,15 @@ def _step_length(score: Choreography, options: Options, own: float) -> float:
 def step_forward(score: Choreography, options: Options) -> None:
     """Shift the weight, lift the leading foot high, set it ahead, and stand with the weight between the feet."""
     length = _step_length(score, options, 0.18)
-    score.step("left", 2.0, 4.4, _goal(score, "left", length), height=0.105 * score.height, roll_off=rad(18), strike=rad(8))
+    score.step(
+        "left",
+        2.0,
+        4.4,
+        _goal(score, "left", length),
+        height=0.105 * score.height,
+        roll_off=rad(18),
+        strike=rad(8),
+    )
     over = score.over("right", 0.0)
     score.lead_com([(0.4, score.between(0.0)), (1.9, over), (4.4, over), (6.0, score.between(6.0))])
     score.swing_arms(0.9)
@@ -57,8 +65,10 @@ def two_steps_and_reach(score: Choreography, options: Options) -> None:
     score.drop += 0.012 * H * lean
     score.arms["left"].flexion -= rad(14) * lean
     score.arms["left"].abduction += rad(10) * lean
-    hand = np.array([length + 0.47 * H, -0.06 * H, 0.66 * H])
-    score.reaches["right"] = Reach(lean, np.tile(hand, (len(t), 1)), np.full(len(t), rad(75)), np.array([-0.2, -0.6, -0.8]))
+    hand = np.array([length + 0.55 * H, -0.06 * H, 0.70 * H])
+    score.reaches["right"] = Reach(
+        lean, np.tile(hand, (len(t), 1)), np.full(len(t), rad(75)), np.array([-0.2, -0.6, -0.8])
+    )
 
 
 def walk_in_place(score: Choreography, options: Options) -> None:
@@ -90,7 +100,7 @@ def walk_in_place(score: Choreography, options: Options) -> None:
 def walk(score: Choreography, options: Options) -> None:
     """Walk straight ahead at a steady, careful pace and stop with the feet side by side."""
     t, H, T = score.time, score.height, score.length_s
-    length = _step_length(score, options, 0.27)
+    length = _step_length(score, options, 0.235)
     period, swing, first = 0.85, 0.62, 1.2
     n = max(int((T - first - 1.3) / period + 1e-6), 2)
     side, x = "left", 0.0
@@ -114,8 +124,22 @@ def walk(score: Choreography, options: Options) -> None:
 
 
 SCENARIOS: Final = (
-    Scenario("step_forward", "one step forward: double, single, double support", 6.5, step_forward, steps=True),
-    Scenario("two_steps_and_reach", "two steps, then a reach far ahead", 12.0, two_steps_and_reach, steps=True),
-    Scenario("walk_in_place", "one foot after the other, slowly, knees rising", 11.0, walk_in_place, stretchable=True),
-    Scenario("walk", "a steady, careful walk straight ahead", 8.4, walk, stretchable=True, steps=True, quasi_static=False),
+    Scenario(
+        "step_forward", "one step forward: double, single, double support", 6.5, step_forward, steps=True
+    ),
+    Scenario(
+        "two_steps_and_reach", "two steps, then a reach far ahead", 12.0, two_steps_and_reach, steps=True
+    ),
+    Scenario(
+        "walk_in_place", "one foot after the other, slowly, knees rising", 11.0, walk_in_place, least_s=4.4
+    ),
+    Scenario(
+        "walk",
+        "a steady, careful walk straight ahead",
+        8.4,
+        walk,
+        least_s=4.3,
+        steps=True,
+        quasi_static=False,
+    ),
 )

@@ -1,0 +1,107 @@
+"""Run a pipeline: human motion in, robot motion out.
+
+PIPELINE is the name of a preset (imitor list presets) or a YAML file. Results go to
+a new folder, or to --out DIR.
+Example: imitor run demo --robot nao_v4 --input walk.bvh --set posture.damping=0.1
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any, Final
+
+from imitor.cli import common
+from imitor.cli.progress import Progress
+from imitor.cli.quality_table import quality_table
+from imitor.errors import ImitorError
+from imitor.kinds import Source
+from imitor.registry import Registry
+from imitor.spec import PipelineSpec
+
+SIMULATOR: Final = "mujoco"
+VIEWER: Final = "rerun"
+_EXIT: Final = {"done": 0, "failed": 1, "stopped": 1, "interrupted": 130}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of the command."""
+    parser.add_argument("pipeline", metavar="PIPELINE", help="a preset's name or a YAML file")
+    common.add_overrides(parser)
+    parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results")
+    parser.add_argument("--frames", metavar="N", type=_count, help="stop after N frames")
+    parser.add_argument("--view", action="store_true", help="show the robot while it moves")
+    parser.add_argument("--simulate", action="store_true", help="execute the motion in a physics simulation")
+    parser.add_argument("--live", action="store_true", help="insist on a live source")
+    parser.add_argument("--arm", action="store_true", help="let robot sinks move a real robot")
+    parser.add_argument("--quiet", action="store_true", help="print nothing but problems")
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"should be a whole number above 0, got '{text}'")
+    return int(text)
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Carry the command out."""
+    registry = common.make_registry(args.without)
+    spec = _load(args, registry)
+    if not args.quiet:
+        for message in spec.dropped:
+            print(message, file=sys.stderr)
+    from imitor.run import run
+
+    with Progress(rate_hz=spec.rate_hz, quiet=args.quiet) as progress:
+        result = run(
+            spec, registry, out_dir=args.out, max_frames=args.frames, view=args.view, progress=progress
+        )
+    _report(result, quiet=args.quiet)
+    return _EXIT[result.status]
+
+
+def _load(args: argparse.Namespace, registry: Registry) -> PipelineSpec:
+    """Load the pipeline with what --simulate, --view, --live and --arm ask for."""
+    sinks = []
+    if args.simulate:
+        sinks.append(_required_sink("--simulate", "robot sink", SIMULATOR, registry))
+    spec = common.load(args.pipeline, args, registry, add_sinks=sinks)
+    if args.view and not any(s.name in (SIMULATOR, VIEWER) for s in spec.sinks):
+        sinks.append(_required_sink("--view", "sink", VIEWER, registry))
+    sets = []
+    if args.arm:
+        sets = [f"{s.id}.armed=true" for s in spec.sinks if "armed" in type(s.config).model_fields]
+        if not sets:
+            raise ImitorError("--arm needs a sink that moves a real robot, and this pipeline has none")
+    if args.live:
+        _require_live(spec, registry)
+    return (
+        common.load(args.pipeline, args, registry, add_sinks=sinks, more_sets=sets) if sinks or sets else spec
+    )
+
+
+def _required_sink(option: str, what: str, name: str, registry: Registry) -> str:
+    if registry.find("sink", name) is None:
+        raise ImitorError(f"{option} needs the {what} '{name}', which is not installed here")
+    return name
+
+
+def _require_live(spec: PipelineSpec, registry: Registry) -> None:
+    live = [r.name for r in registry if issubclass(r.component, Source) and r.component.live]
+    if spec.source.name not in live:
+        remedy = f"use --source NAME: {', '.join(live)}" if live else "none is installed here"
+        raise ImitorError(f"--live needs a live source, and '{spec.source.name}' is not one; {remedy}")
+
+
+def _report(result: Any, *, quiet: bool) -> None:
+    """Print how the run ended, what was measured and where the files are."""
+    if result.status != "done":
+        print(f"{result.status}: {result.message}" if result.message else result.status, file=sys.stderr)
+    if quiet:
+        return
+    if result.metrics:
+        print(f"measured quality\n{quality_table(result.metrics)}")
+    print(f"{result.frames} frames in {result.out_dir}")
+    for path in result.files:
+        print(f"  {path.relative_to(result.out_dir) if path.is_relative_to(result.out_dir) else path}")

@@ -1,0 +1,131 @@
+"""The loop that velocity-level solvers share: assemble the rows, find a step within bounds, move, hold the anchor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import numpy as np
+from pydantic import Field
+
+from imitor.errors import ImitorError
+from imitor.kinds import Config, Solver
+from imitor.tasks import TaskStack
+from imitor.types import Array, Configuration
+
+if TYPE_CHECKING:
+    from imitor.ik.rows import Layout
+
+Weight = Annotated[float, Field(gt=0)]
+GRADIENTS = ("limits", "posture")
+
+
+class IterativeConfig(Config):
+    """Options that velocity-level solvers share."""
+
+    order: Sequence[Sequence[str]] = Field(
+        description="Levels of task names, highest priority first; a task of no level is ignored [-].", min_length=1
+    )
+    weights: Mapping[str, Weight] = Field({}, description="Weights within a level by task name; default 1 [-].")
+    null_space: Mapping[str, float] = Field(
+        {"limits": -0.10, "posture": -0.02},
+        description="Gradient terms in the last null space: kappa of `limits` (eq. 7) and of `posture` (eq. 8) [-].",
+    )
+    iterations: int = Field(2, ge=1, le=1000, description="Most iterations per frame [-].")
+    tolerance: float = Field(
+        1e-4, ge=0, description="Stop when no task of a frame is further off than this [m or rad]."
+    )
+    max_step_rad: float = Field(0.5, gt=0, description="Largest joint step of one iteration [rad].")
+    speed_limits: bool = Field(True, description="Treat joint speed limits as limits of the step too.")
+    settle_iterations: int = Field(200, ge=1, description="Most iterations for the first frame [-].")
+
+
+C = TypeVar("C", bound=IterativeConfig)
+
+
+class IterativeSolver(Solver[C]):
+    """Base of solvers that serve an order of tasks by bounded steps; a subclass writes `bounded_step`."""
+
+    def bounded_step(self, layout: Layout, J: Array, g: Array, lowest: Array, highest: Array) -> Array:
+        """Return the step of the free columns.
+
+        Args:
+            layout: Rows of this frame; ``layout.e`` holds the errors, ``layout.starts`` the levels.
+            J: Jacobian of the rows in independent coordinates, shape (m, first + n_u).
+            g: Gradient step for the last null space, shape (first + n_u,).
+            lowest, highest: Bounds of the joints' steps, shape (n_u,).
+        """
+        raise NotImplementedError
+
+    def prepare(self, stack: TaskStack) -> None:
+        """Look up the tasks of the order and compile their rows."""
+        from imitor.ik.rows import SERVED, TaskRows
+
+        order = [[name for name in level if name in stack] for level in self.config.order]
+        for name in (name for level in order for name in level):
+            if stack[name].kind not in SERVED:
+                raise ImitorError(
+                    f"'{name}' is a {stack[name].kind} task; put it under null_space, not in order"
+                )
+        unknown = sorted(set(self.config.null_space) - set(GRADIENTS))
+        if unknown:
+            raise ImitorError(f"null_space knows {' and '.join(GRADIENTS)}, not {', '.join(unknown)}")
+        robot = self.robot
+        self._rows = TaskRows(robot, stack, order, dict(self.config.weights))
+        self._posture: Array | None = stack["posture"].target if "posture" in stack else None
+        self._middle = 0.5 * (robot.lower + robot.upper)
+        self._limit_slope = 2 * self.config.null_space.get("limits", 0.0) / (robot.upper - robot.lower) ** 2
+        self._posture_slope = 2 * self.config.null_space.get("posture", 0.0)
+        self._independent = None if robot.coupling is None else robot.coupling.argmax(axis=0)
+        self._step_limit = robot.speed * self.dt_s
+
+    def step(self, stack: TaskStack, state: Configuration) -> None:
+        """Solve one frame from where the last one ended."""
+        robot, joints = self.robot, state.q[7:]
+        if self.config.speed_limits:
+            lowest = np.maximum(robot.lower, joints - self._step_limit)
+            highest = np.minimum(robot.upper, joints + self._step_limit)
+        else:
+            lowest, highest = robot.lower, robot.upper
+        self._iterate(stack, state.q, lowest, highest, self.config.iterations)
+
+    def settle(self, stack: TaskStack, state: Configuration) -> None:
+        """Solve the first frame without speed limits."""
+        self._iterate(stack, state.q, self.robot.lower, self.robot.upper, self.config.settle_iterations)
+
+    def _iterate(self, stack: TaskStack, q: Array, lowest: Array, highest: Array, most: int) -> None:
+        robot, config = self.robot, self.config
+        if stack.anchor:
+            robot.place(q, stack.anchor, stack.anchor_pose)
+        layout = self._rows.layout()
+        for _ in range(most):
+            self._rows.assemble(layout)
+            if np.abs(layout.e).max(initial=0.0) < config.tolerance:
+                break
+            self._move(layout, q, lowest, highest)
+            if stack.anchor:
+                robot.place(q, stack.anchor, stack.anchor_pose)
+
+    def _move(self, layout: Layout, q: Array, lowest: Array, highest: Array) -> None:
+        robot, first, joints = self.robot, layout.first, q[7:]
+        g = np.zeros(layout.n)
+        g[first:] = self._limit_slope * (joints - self._middle)
+        if self._posture is not None:
+            g[first:] += self._posture_slope * (joints - self._posture)
+        lowest, highest = lowest - joints, highest - joints
+        if robot.coupling is None or self._independent is None:
+            step = self.bounded_step(layout, layout.J, g, lowest, highest)
+            moved = step[first:]
+        else:
+            S, pick = robot.coupling, self._independent
+            J = np.hstack([layout.J[:, :first], layout.J[:, first:] @ S])
+            reduced = np.concatenate([g[:first], S.T @ g[first:]])
+            step = self.bounded_step(layout, J, reduced, lowest[pick], highest[pick])
+            moved = S @ step[first:]
+        share = self.config.max_step_rad / max(float(np.abs(moved).max()), self.config.max_step_rad)
+        if first:
+            q[:] = robot.integrate(q, np.concatenate([share * step[:first], share * moved]))
+        else:
+            joints += share * moved
+        np.clip(joints, robot.lower, robot.upper, out=joints)
+        robot.update(q)

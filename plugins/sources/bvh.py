@@ -1,0 +1,101 @@
+"""The source of BVH files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from imitor import Config, HumanFrame, Source, hookimpl
+from imitor.motion.bvh_file import read_bvh
+from imitor.motion.kinematics import forward_kinematics
+from imitor.motion.recognition import choose_skeleton
+from imitor.motion.recording import ReadOptions, Recording, make_recording
+from imitor.registry import Registry
+from imitor.types import read_only
+
+
+class BvhConfig(Config):
+    """Options of the BVH source."""
+
+    path: str = Field(description="The BVH file.")
+    skeleton: str = Field(
+        "auto", description="Skeleton card: auto, a card's name or the path of a card's .yaml file."
+    )
+    unit: Literal["auto", "m", "dm", "cm", "mm", "inch", "cmu"] | Annotated[float, Field(gt=0.0)] = Field(
+        "auto", description="Length unit of the file: auto, a name (cmu is 1/0.45 inch) or its length [m]."
+    )
+    up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = Field(
+        "auto", description="Axis of the file that points up: auto or its name."
+    )
+    height_m: float | None = Field(
+        None,
+        gt=0.0,
+        description="Stature of the person, to choose the unit or scale a file of unknown unit [m].",
+    )
+    floor: Literal["auto", "file"] | float = Field(
+        "auto",
+        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
+    )
+    drop_tpose: Literal["auto"] | bool = Field(
+        "auto", description="Whether the first frame is an added T-pose and no motion: auto, true or false."
+    )
+    start_s: float = Field(0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s].")
+    stop_s: float | None = Field(
+        None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
+    )
+    mass_kg: float = Field(70.0, gt=0.0, description="Mass of the person [kg].")
+    sex: Literal["male", "female"] = Field("male", description="Sex of the person, for the mass model.")
+
+
+class Bvh(Source[BvhConfig]):
+    """Reads BVH files of any skeleton that a card describes."""
+
+    name = "bvh"
+    extensions = (".bvh",)
+    gives = frozenset({"orientation"})
+
+    recording: Recording
+
+    def start(self) -> None:
+        """Read the whole file and bring it into our world.
+
+        Raises:
+            SourceError: The file cannot be used; says where and why.
+            SpecError: The skeleton card is wrong.
+        """
+        config = self.config
+        bvh = read_bvh(config.path)
+        first = forward_kinematics(bvh.nodes, bvh.motion[:1]).position[0]
+        cards = Registry().cards("skeletons")
+        fit = choose_skeleton(config.path, bvh.nodes, first, config.skeleton, cards)
+        options = ReadOptions(
+            unit=config.unit,
+            up=config.up,
+            height_m=config.height_m,
+            floor=config.floor,
+            drop_tpose=None if config.drop_tpose == "auto" else config.drop_tpose,
+            start_s=config.start_s,
+            stop_s=config.stop_s,
+            mass_kg=config.mass_kg,
+            sex=config.sex,
+        )
+        self.recording = make_recording(config.path, bvh, fit, options)
+        for array in (self.recording.position, self.recording.orientation, self.recording.valid):
+            read_only(array)
+        self.skeleton = self.recording.skeleton
+        self.rate_hz = self.recording.rate_hz
+        self.n_frames = len(self.recording.position)
+
+    def frames(self) -> Iterator[HumanFrame]:
+        """Yield the frames; their arrays are read-only views of the recording."""
+        r = self.recording
+        for i in range(len(r.position)):
+            yield HumanFrame(i / r.rate_hz, r.position[i], r.valid, r.orientation[i])
+
+
+@hookimpl
+def imitor_components() -> list[type[Bvh]]:
+    """Return the components of this module."""
+    return [Bvh]
