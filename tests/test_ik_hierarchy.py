@@ -93,24 +93,35 @@ def test_clamped_steps_hold_their_bounds(seed: int, first: int, width: float) ->
     levels, g = problem(seed, [4, 5], n)
     J, e = stacked(levels)
     rng = np.random.default_rng(seed)
-    lowest, highest = -width * rng.random(12), width * rng.random(12)
-    step, fixed = clamped_step(J, e, g, [0, 4], [1e-4, 1e-4], 1e-4, lowest, highest, first)
-    assert (step[first:] >= lowest - 1e-12).all() and (step[first:] <= highest + 1e-12).all()
+    limits = (-width * rng.random(12), width * rng.random(12))
+    speeds = (-rng.random(12), rng.random(12))
+    step, fixed = clamped_step(J, e, g, [0, 4], [1e-4, 1e-4], 1e-4, limits, speeds, first, 0.5)
+    for lowest, highest in (limits, speeds):
+        assert (step[first:] >= lowest - 1e-12).all() and (step[first:] <= highest + 1e-12).all()
     assert 0 <= fixed <= 12
 
 
 def test_clamping_solves_again_with_fewer_joints() -> None:
     """Joint 0 may move 0.1 only; joint 1 has to do the rest of x = q0 + q1."""
     J, e = np.array([[1.0, 1.0]]), np.array([1.0])
-    step, fixed = clamped_step(
-        J, e, np.zeros(2), [0], [0.0], 1e-12, np.array([-1, -1.0]), np.array([0.1, 1.0]), 0
-    )
-    assert fixed == 1
-    np.testing.assert_allclose(step, [0.1, 0.9], atol=1e-6)
+    limits, far = (np.array([-1, -1.0]), np.array([0.1, 1.0])), (np.full(2, -9.0), np.full(2, 9.0))
+    for bounds in ((limits, far), (far, limits)):  # a speed limit is helped by the other joint just the same
+        step, fixed = clamped_step(J, e, np.zeros(2), [0], [0.0], 1e-12, *bounds, 0, 9.0)
+        assert fixed == 1
+        np.testing.assert_allclose(step, [0.1, 0.9], atol=1e-6)
+
+
+def test_too_fast_for_all_joints_slows_the_whole_step() -> None:
+    """Both joints are too slow for the lower task; the higher one, already met, stays met."""
+    J = np.array([[1.0, -1.0], [1.0, 1.0]])
+    far, slow = (np.full(2, -9.0), np.full(2, 9.0)), (np.full(2, -0.05), np.full(2, 0.05))
+    step, _ = clamped_step(J, np.array([0.0, 1.0]), np.zeros(2), [0, 1], [0.0, 0.0], 1e-12, far, slow, 0, 9.0)
+    np.testing.assert_allclose(step, [0.05, 0.05], atol=1e-6)
 
 
 def test_bounds_that_exclude_zero_move_the_joint_back_inside() -> None:
     step, _ = clamped_step(
-        np.array([[1.0, 0.0]]), np.zeros(1), np.zeros(2), [0], [0.0], 1e-12, np.array([0.2, -1]), np.array([0.5, 1]), 0
-    )
+        np.array([[1.0, 0.0]]), np.zeros(1), np.zeros(2), [0], [0.0], 1e-12,
+        (np.array([0.2, -1]), np.array([0.5, 1])), (np.full(2, -9.0), np.full(2, 9.0)), 0, 9.0,
+    )  # fmt: skip
     assert step[0] == pytest.approx(0.2)

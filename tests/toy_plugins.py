@@ -9,7 +9,18 @@ from typing import Any, ClassVar, Literal
 import pytest
 from pydantic import Field
 
-from imitor import Config, Filter, Mapper, Postprocessor, Sink, Solver, Source, Stabilizer, Strictness, TaskKind
+from imitor import (
+    Config,
+    Filter,
+    Mapper,
+    Postprocessor,
+    Sink,
+    Solver,
+    Source,
+    Stabilizer,
+    Strictness,
+    TaskKind,
+)
 from imitor.hooks import hookimpl
 from imitor.registry import Failure, Registry
 
@@ -99,7 +110,9 @@ class Tolerance(Config):
 
 
 class FastConfig(Config):
-    order: Sequence[Sequence[str]] = Field([["left_foot", "right_foot"], ["com"]], description="Levels of tasks.")
+    order: Sequence[Sequence[str]] = Field(
+        [["left_foot", "right_foot"], ["com"]], description="Levels of tasks."
+    )
     damping: float = Field(0.1, ge=0, le=10, description="Damping [-].")
     iterations: dict[str, int] = Field({"arms": 30, "legs": 5}, description="Iterations by limb.")
     tolerance: Tolerance = Field(Tolerance(), description="When to stop.")

@@ -21,8 +21,8 @@ class HumanComConfig(Config):
 
     model: Literal["auto", "deleva", "winter"] = Field(
         "auto",
-        description="Mass table: deleva (de Leva 1996, for skeletons with wrists and feet), winter (Winter's, for the "
-        "15 points of a depth camera), or auto by the skeleton's roles [-].",
+        description="Mass table: deleva (de Leva 1996, for skeletons with wrists and toes), winter "
+        "(Winter's, for the 15 points of a depth camera), or auto by the skeleton's roles [-].",
     )
     keep: bool = Field(True, description="Keep a CoM that the source delivers itself [-].")
 
@@ -30,8 +30,9 @@ class HumanComConfig(Config):
 class HumanCom(Filter[HumanComConfig]):
     """Add the human's CoM from segment masses of the roles that are known.
 
-    The CoM is linear in the role positions, ``w @ position`` [deleva1996, winter2009]; the weights depend only on which
-    roles are known and are computed when that changes. While the trunk is lost the last CoM is held.
+    The CoM is linear in the role positions, ``w @ position`` [deleva1996, winter2009]; the weights depend
+    only on which roles are known and are computed when that changes. While the trunk is lost the last CoM is
+    held.
     """
 
     name = "human_com"
@@ -76,7 +77,7 @@ class HumanCom(Filter[HumanComConfig]):
         return frame
 
     def _prepare(self, key: bytes, valid: BoolArray) -> tuple[NDArray[np.intp], Array] | None:
-        """Compute the weights for a pattern of validity; zero weights are left out, their positions may be NaN."""
+        """Compute the weights for a pattern of validity, without zeros: those roles' positions may be NaN."""
         w = masses.weights(self._segments, valid)
         known = None
         if w is not None:

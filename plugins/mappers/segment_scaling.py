@@ -34,7 +34,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     Works from the points of each single frame; no calibration of the actor. Declares the directions of the nine main
     segments, positions of hands and head, poses of both feet, orientations of waist and chest, the CoM and the
-    standing posture.
+    standing posture. A foot that stands keeps all six coordinates, one near the ground five (its heading is free), one
+    higher up only its position; where a free foot would like to point are the tasks `left_sole` and `right_sole`.
     """
 
     name = "segment_scaling"
@@ -43,6 +44,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         **dict.fromkeys(SEGMENTS, TaskKind.DIRECTION),
         "left_foot": TaskKind.POSE,
         "right_foot": TaskKind.POSE,
+        "left_sole": TaskKind.ORIENTATION,
+        "right_sole": TaskKind.ORIENTATION,
         "waist": TaskKind.ORIENTATION,
         "chest": TaskKind.ORIENTATION,
         **dict.fromkeys(_POSITIONS, TaskKind.POSITION),
@@ -57,14 +60,15 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
         robot, config = self.robot, self.config
         self._body = ScaledBody(robot, self.skeleton)
-        settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
-        self._footing = Footing(robot, self.skeleton, settings, self.dt_s)
+        self._settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
+        self._footing = Footing(robot, self.skeleton, self._settings, self.dt_s)
         index = self._body.segments.index
         self._directions = [
             (stack.declare(name, TaskKind.DIRECTION, frame=distal, relative_to=proximal), index(name))
             for name, (proximal, distal) in SEGMENTS.items()
         ]
         self._feet = [stack.declare(f"{side}_foot", TaskKind.POSE, frame=f"{side}_foot") for side in SIDES]
+        self._soles = [stack.declare(f"{side}_sole", TaskKind.ORIENTATION, frame=f"{side}_foot") for side in SIDES]
         self._waist = stack.declare("waist", TaskKind.ORIENTATION, frame="waist")
         self._chest = stack.declare("chest", TaskKind.ORIENTATION, frame="chest")
         self._positions = [
@@ -101,9 +105,13 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             self._com.target[:] = mid_hip + body.leg_ratio * (frame.com - body.mid_hip)
         self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
-        for task, foot in zip(self._feet, footing.feet, strict=True):
+        for task, sole, foot, stands in zip(self._feet, self._soles, footing.feet, footing.contact, strict=True):
             task.target[:] = foot.pose
             task.active[0] = True
+            level = stands or foot.freedom(self._settings) < 1.0
+            task.mask[3:5], task.mask[5] = level, stands
+            sole.active[0] = not stands
+            sole.target[:] = foot.pose[:3, :3]
         stack.anchor = ""
         if self.config.anchor and footing.anchor >= 0:
             held = footing.feet[footing.anchor]

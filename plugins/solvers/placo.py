@@ -10,7 +10,7 @@ from pydantic import Field
 
 from imitor import Component, Strictness, TaskKind, hookimpl
 from imitor.errors import NoSolution
-from imitor.ik.iterate import IterativeConfig, IterativeSolver
+from imitor.ik.iterate import Bounds, IterativeConfig, IterativeSolver
 from imitor.types import Array
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ class Placo(IterativeSolver[PlacoConfig]):
 
         self._problem = placo.Problem
 
-    def bounded_step(self, layout: Layout, J: Array, g: Array, lowest: Array, highest: Array) -> Array:
+    def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the optimum of the weighted program."""
         config, e, first = self.config, layout.e, layout.first
         problem = self._problem()
@@ -60,8 +60,8 @@ class Placo(IterativeSolver[PlacoConfig]):
         damping2 = config.damping**2 + config.error_damping * float(last @ last)
         problem.add_constraint(step == g).configure("soft", damping2)
         joints = step.slice(first, J.shape[1] - first) if first else step
-        problem.add_constraint(joints <= np.maximum(highest, 0.0))
-        problem.add_constraint(joints >= np.minimum(lowest, 0.0))
+        problem.add_constraint(joints <= np.clip(np.minimum(limits[1], speeds[1]), 0.0, config.max_step_rad))
+        problem.add_constraint(joints >= np.clip(np.maximum(limits[0], speeds[0]), -config.max_step_rad, 0.0))
         try:
             problem.solve()
         except RuntimeError as error:

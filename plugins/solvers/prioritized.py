@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field
 
 from imitor import Component, Strictness, TaskKind, hookimpl
-from imitor.ik.iterate import IterativeConfig, IterativeSolver
+from imitor.ik.iterate import Bounds, IterativeConfig, IterativeSolver
 from imitor.types import Array
 
 if TYPE_CHECKING:
@@ -44,12 +44,13 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
 
         self._clamped_step = clamped_step
 
-    def bounded_step(self, layout: Layout, J: Array, g: Array, lowest: Array, highest: Array) -> Array:
+    def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the prioritised step within bounds, by clamping."""
-        e = layout.e
-        damping2 = (self.config.error_damping * np.add.reduceat(e * e, layout.starts)).tolist() if layout.m else []
+        e, starts, config = layout.e, layout.starts, self.config
+        damping2 = (config.error_damping * np.add.reduceat(e * e, starts)).tolist() if layout.m else []
+        floor2 = config.damping**2
         step, _ = self._clamped_step(
-            J, e, g, layout.starts, damping2, self.config.damping**2, lowest, highest, layout.first
+            J, e, g, starts, damping2, floor2, limits, speeds, layout.first, config.max_step_rad
         )
         return step
 

@@ -21,32 +21,38 @@ class BvhConfig(Config):
 
     path: str = Field(description="The BVH file.")
     skeleton: str = Field(
-        "auto", description="Skeleton card: auto, a card's name or the path of a card's .yaml file."
+        default="auto", description="Skeleton card: auto, a card's name or the path of a card's .yaml file."
     )
     unit: Literal["auto", "m", "dm", "cm", "mm", "inch", "cmu"] | Annotated[float, Field(gt=0.0)] = Field(
-        "auto", description="Length unit of the file: auto, a name (cmu is 1/0.45 inch) or its length [m]."
+        default="auto",
+        description="Length unit of the file: auto, a name (cmu is 1/0.45 inch) or its length [m].",
     )
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = Field(
-        "auto", description="Axis of the file that points up: auto or its name."
+        default="auto", description="Axis of the file that points up: auto or its name."
     )
     height_m: float | None = Field(
-        None,
+        default=None,
         gt=0.0,
         description="Stature of the person, to choose the unit or scale a file of unknown unit [m].",
     )
     floor: Literal["auto", "file"] | float = Field(
-        "auto",
+        default="auto",
         description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
     )
     drop_tpose: Literal["auto"] | bool = Field(
-        "auto", description="Whether the first frame is an added T-pose and no motion: auto, true or false."
+        default="auto",
+        description="Whether the first frame is an added T-pose and no motion: auto, true or false.",
     )
-    start_s: float = Field(0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s].")
+    start_s: float = Field(
+        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
+    )
     stop_s: float | None = Field(
-        None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
+        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
     )
-    mass_kg: float = Field(70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field("male", description="Sex of the person, for the mass model.")
+    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
+    sex: Literal["male", "female"] = Field(
+        default="male", description="Sex of the person, for the mass model."
+    )
 
 
 class Bvh(Source[BvhConfig]):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
 
-import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from imitor import Config, HumanFrame, Source, Support, hookimpl
@@ -46,16 +45,16 @@ class PerformerConfig(Config):
     mass_kg: float = Field(70.0, gt=0, description="Body mass [kg].")
     segment_ratios: dict[str, Annotated[float, Field(ge=0.5, le=2.0)]] = Field(
         default_factory=dict,
-        description="Factors on single lengths, by name: thigh, shank, torso, neck, head, upper_arm, forearm, hand, "
-        "foot, foot_width, hip_width, shoulder_width, ankle_height [-].",
+        description="Factors on single lengths, by name: thigh, shank, torso, neck, head, upper_arm, "
+        "forearm, hand, foot, foot_width, hip_width, shoulder_width, ankle_height [-].",
     )
     speed: float = Field(1.0, ge=0.1, le=4.0, description="Factor on the pace of the performance [-].")
     duration_s: float | None = Field(
         None,
         gt=0,
         le=600.0,
-        description="Length of the performance, by more repetitions or a longer hold; null for the scenario's own; "
-        "only scenarios that can be stretched have it [s].",
+        description="Length of the performance, by more repetitions or a longer hold; null for the "
+        "scenario's own; only scenarios that can be stretched have it [s].",
     )
     rate_hz: float = Field(120.0, ge=5.0, le=1000.0, description="Frames per second [Hz].")
     step_length_m: float | None = Field(
@@ -84,7 +83,7 @@ class PerformerConfig(Config):
         0.0,
         ge=0,
         le=0.2,
-        description="Standard deviation of the slow (0.5 to 4 Hz) motion of skin and clothes over the bones [m].",
+        description="Standard deviation of the motion of skin and clothes over the bones, 0.5 to 4 Hz [m].",
     )
     loss: float = Field(
         0.0, ge=0, lt=1.0, description="Probability that a captured point is lost in a frame [-]."
@@ -114,7 +113,8 @@ class PerformerConfig(Config):
             if scenario.least_s is None:
                 legal = ", ".join(sorted(s.name for s in SCENARIOS.values() if s.stretchable))
                 raise ValueError(
-                    f"duration_s: '{self.scenario}' has its own length; change its speed, or choose one of {legal}"
+                    f"duration_s: '{self.scenario}' has its own length; change its speed, "
+                    f"or choose one of {legal}"
                 )
             if self.duration_s * self.speed < scenario.least_s:
                 raise ValueError(

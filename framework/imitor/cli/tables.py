@@ -19,7 +19,7 @@ def table(rows: Sequence[Sequence[str]], *, indent: str = "  ", right: Sequence[
         return ""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     start = len(indent) + sum(w + 2 for w in widths[:-1])
-    room = max(shutil.get_terminal_size().columns - start, 30)
+    room = max(shutil.get_terminal_size((100, 24)).columns - start, 30)
     lines = []
     for row in rows:
         cells = [

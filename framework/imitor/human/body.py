@@ -1,7 +1,7 @@
 """The proportions of the human body [drillis1966, winter2009] as a parametric rest pose.
 
-The rest pose is a T-pose: straight legs under the hips, feet parallel, arms out to the sides with the palms down,
-facing +x, soles on z = 0, ankles at x = 0. Every segment's orientation is the identity there.
+The rest pose is a T-pose: straight legs under the hips, feet parallel, arms out to the sides with the palms
+down, facing +x, soles on z = 0, ankles at x = 0. Every segment's orientation is the identity there.
 """
 
 from __future__ import annotations

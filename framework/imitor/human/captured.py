@@ -93,7 +93,7 @@ def _dressed(truth: Truth, body: Body, with_markers: bool, with_targets: bool) -
 
 
 class _Channel:
-    """One kind of captured thing with random streams of its own, so that asking for one never changes another."""
+    """One kind of captured thing; its random streams are its own, so asking for one never changes another."""
 
     def __init__(self, seed: np.random.SeedSequence, time_s: Array, degradation: Degradation) -> None:
         self.noise, self.skin, self.loss, self.turn = (np.random.default_rng(s) for s in seed.spawn(4))
@@ -107,7 +107,7 @@ class _Channel:
             seen += degrade.noise(self.noise, exact.shape, d.noise_std_m)
         if d.skin_motion_m:
             seen += degrade.band_limited(self.skin, self.time_s, exact.shape[1:], d.skin_motion_m)
-        valid = ~degrade.lost(self.loss, *exact.shape[:2], d.loss, d.burst_frames)
+        valid = ~degrade.lost(self.loss, exact.shape[0], exact.shape[1], d.loss, d.burst_frames)
         seen[~valid] = np.nan
         return seen, valid
 

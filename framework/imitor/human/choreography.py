@@ -1,7 +1,8 @@
 """What an author writes down: the time courses from which the kinematics builds the body's motion.
 
-Angles [rad], lengths [m]. Every channel starts in quiet standing; a scenario adds to it. Angle signs are those of
-anatomy, the same on both sides, so that a mirrored motion has the same channels with the sides swapped.
+Angles [rad], lengths [m]. Every channel starts in quiet standing; a scenario adds to it. Angle signs are
+those of anatomy, the same on both sides, so that a mirrored motion has the same channels with the sides
+swapped.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ class Arm:
 
     Attributes:
         flexion: Forwards, in the shoulder.
-        abduction: Sideways, in the shoulder; with flexion one rotation vector, so nothing is singular below a half turn.
+        abduction: Sideways, in the shoulder; with flexion one rotation vector, so nothing is singular below
+            a half turn.
         twist: Inwards about the upper arm.
         elbow: Flexion of the elbow.
         pronation: Thumb inwards, about the forearm.
@@ -175,7 +177,8 @@ class Choreography:
         roll_off: float,
         strike: float,
     ) -> None:
-        """Move a foot from where it stands to another place, flat on the floor before ``off`` and after ``on``.
+        """Move a foot from where it stands to another place, flat on the floor before ``off`` and after
+        ``on``.
 
         Args:
             side: Which foot.

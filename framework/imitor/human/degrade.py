@@ -14,7 +14,7 @@ def noise(rng: np.random.Generator, shape: tuple[int, ...], std: float) -> Array
 
 
 def rotation_noise(rng: np.random.Generator, n: int, std_rad: float) -> Array:
-    """``n`` rotations about random axes with components of standard deviation ``std_rad`` [rad], shape (n, 3, 3)."""
+    """Rotations (n, 3, 3) about random axes, their vectors with standard deviation ``std_rad`` [rad]."""
     return exponential(rng.normal(0.0, std_rad, (n, 3)))
 
 

@@ -1,8 +1,8 @@
 """From a choreography to the poses of all segments, for the whole clip at once.
 
-The pelvis carries the legs and the thorax, the thorax neck and arms. The legs are two-bone chains solved from hip
-and ankle, the knee pointing where pelvis and foot point; the arms follow their angles, or a hand's target the same
-way. The spine bends where it leaves the pelvis, so that the length of the torso is constant.
+The pelvis carries the legs and the thorax, the thorax neck and arms. The legs are two-bone chains solved
+from hip and ankle, the knee pointing where pelvis and foot point; the arms follow their angles, or a hand's
+target the same way. The spine bends where it leaves the pelvis, so that the length of the torso is constant.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ class Figure:
         self.R_neck = self.R_thorax @ rot.yaw_pitch_roll(0.4 * score.head)
         self.R_head = self.R_thorax @ rot.yaw_pitch_roll(score.head)
         dt = score.time[1] - score.time[0]
-        self._window = int(round(_FORESIGHT_S / dt))
+        self._window = round(_FORESIGHT_S / float(dt))
         self._arms = {side: _arm_rotations(score.arms[side], SIGN[side], self.R_thorax) for side in SIDES}
         for side in SIDES:
             _place_foot(self.poses, self.body, side, score.feet[side])
         self._hips = {s: rot.apply(self.R_pelvis, self.body.offset("pelvis", f"{s}_hip")) for s in SIDES}
 
     def place(self, pelvis_xy: Array) -> Poses:
-        """Compute all poses with the pelvis over ``pelvis_xy`` (T, 2) [m]; the arrays are reused by the next call."""
+        """Compute all poses with the pelvis over ``pelvis_xy`` (T, 2) [m]; the next call reuses arrays."""
         poses, body, score = self.poses, self.body, self.score
         pelvis = np.column_stack([pelvis_xy, self._pelvis_height(pelvis_xy)])
         poses.put("pelvis", pelvis, self.R_pelvis)
@@ -102,8 +102,8 @@ class Figure:
         along = rot.unit(ankle - hip)
         forward = _knee_forward(np.einsum("tji,tj->ti", self.R_pelvis, along), turn)
         forward = rot.apply(self.R_pelvis, forward)
-        knee = _bend(hip, ankle, along, forward, body.length("thigh"), body.length("shank"))
-        hinge = np.cross(forward, along)
+        knee = _bend(hip, ankle, along, forward, (body.length("thigh"), body.length("shank")))
+        hinge = np.asarray(np.cross(forward, along))
         poses.put(f"{side}_hip", hip, _hung(hip, knee, hinge))
         poses.put(f"{side}_knee", knee, _hung(knee, ankle, hinge))
 
@@ -130,9 +130,9 @@ class Figure:
             own = rot.unit(_across(elbow - shoulder, rot.unit(wrist - shoulder)))
             pole = own + share[:, None] * (reach.pole - own)
             pole = rot.unit(_across(pole, along))
-            elbow = _bend(shoulder, target, along, pole, body.length("upper_arm"), body.length("forearm"))
+            elbow = _bend(shoulder, target, along, pole, (body.length("upper_arm"), body.length("forearm")))
             wrist = target
-            hinge = np.cross(pole, along)
+            hinge = np.asarray(np.cross(pole, along))
             R_upper = _outstretched(shoulder, elbow, hinge, SIGN[side])
             R_fore = _outstretched(elbow, wrist, hinge, SIGN[side])
             R_hand = rot.blend(R_hand, R_target, share)
@@ -163,8 +163,9 @@ def _across(v: Array, axis: Array) -> Array:
     return np.asarray(v - np.einsum("ti,ti->t", v, axis)[:, None] * axis)
 
 
-def _bend(start: Array, end: Array, along: Array, side: Array, first: float, second: float) -> Array:
+def _bend(start: Array, end: Array, along: Array, side: Array, bones: tuple[float, float]) -> Array:
     """Return the middle joint of a two-bone chain that bends towards the unit vectors ``side``."""
+    first, second = bones
     distance = np.einsum("ti,ti->t", end - start, along)
     foot = (first**2 - second**2 + distance**2) / (2 * distance)
     height = np.sqrt(np.maximum(first**2 - foot**2, 0.0))
@@ -174,8 +175,8 @@ def _bend(start: Array, end: Array, along: Array, side: Array, first: float, sec
 def _knee_forward(along: Array, turn: Array) -> Array:
     """Return the direction in which the knee points, in the pelvis' frame: +x turned with the leg.
 
-    The leg's swing from straight down is the smallest rotation there is, so the knee follows without twisting;
-    ``turn`` adds the foot's yaw against the pelvis.
+    The leg's swing from straight down is the smallest rotation there is, so the knee follows without
+    twisting; ``turn`` adds the foot's yaw against the pelvis.
     """
     v = np.column_stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)])
     w = np.column_stack([along[:, 1], -along[:, 0], np.zeros_like(turn)])  # (0, 0, -1) x along

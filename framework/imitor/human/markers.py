@@ -1,7 +1,7 @@
 """Optical markers on the skin and rigid 6-dof targets of the parametric human, fixed to its segments.
 
-The 41 marker names are those of the CMU-style set; places are offsets from a role in the rest pose (T-pose, facing
-+x), as fractions of the stature, for the left side; the right side mirrors them.
+The 41 marker names are those of the CMU-style set; places are offsets from a role in the rest pose (T-pose,
+facing +x), as fractions of the stature, for the left side; the right side mirrors them.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ _SIDED: Final[Mapping[str, _Place]] = {
     "MT5": ("ankle", (0.060, 0.026, -0.027)),
 }
 _ORDER: Final = (
-    "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN RBAC LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB RFIN "
+    "LFHD RFHD LBHD RBHD C7 T10 CLAV STRN RBAC "
+    "LSHO LUPA LELB LFRM LWRA LWRB LFIN RSHO RUPA RELB RFRM RWRA RWRB RFIN "
     "LFWT RFWT LBWT RBWT LTHI LKNE LSHN LANK LHEE LTOE LMT5 RTHI RKNE RSHN RANK RHEE RTOE RMT5"
 )
 MARKERS_41: Final[tuple[str, ...]] = tuple(_ORDER.split())
@@ -80,7 +81,7 @@ class Attached:
     offset: Array
 
     def positions(self, position: Array, orientation: Array) -> Array:
-        """Return the points in world (T, M, 3) [m] for role positions (T, R, 3) and orientations (T, R, 3, 3)."""
+        """Return the points in world (T, M, 3) [m], from positions and orientations of all roles."""
         turned = (orientation[:, self.role] @ self.offset[None, :, :, None])[..., 0]
         return np.asarray(position[:, self.role] + turned)
 

@@ -1,7 +1,8 @@
 """Centre of mass from segment masses: two published tables as linear weights of the role positions.
 
-A segment's centre lies on the line between two points, and each point is a role or a fixed mix of roles, so the
-body's centre of mass is ``w @ position`` with weights ``w`` (R,) that depend only on which roles are known.
+A segment's centre lies on the line between two points, and each point is a role or a fixed mix of roles, so
+the body's centre of mass is ``w @ position`` with weights ``w`` (R,) that depend only on which roles are
+known.
 """
 
 from __future__ import annotations
@@ -85,7 +86,7 @@ _TRUNK_ENDS: Final = (
 
 def _trunk(mass: float, share: float) -> Segment:
     return Segment(
-        mass, tuple(_along(top, bottom, share) for top, bottom in _TRUNK_ENDS) + (_at("chest"), _at("pelvis"))
+        mass, (*(_along(top, bottom, share) for top, bottom in _TRUNK_ENDS), _at("chest"), _at("pelvis"))
     )
 
 
@@ -177,8 +178,8 @@ def weights(segments: list[Segment], valid: BoolArray) -> Array | None:
         valid: Which roles are known, shape (R,).
 
     Returns:
-        Weights that sum to 1 and are zero for unknown roles. A limb that is not known in full has its mass at the
-        nearest known joint towards the trunk.
+        Weights that sum to 1 and are zero for unknown roles. A limb that is not known in full has its mass
+        at the nearest known joint towards the trunk.
     """
     w = np.zeros(N_ROLES)
     total = 0.0

@@ -1,4 +1,4 @@
-"""Perform a choreography: find the pelvis' course that carries the CoM along its authored path; the ground truth."""
+"""Perform a choreography: find the pelvis' course that carries the CoM along its path; the ground truth."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, read_only
 
 _ROUNDS: Final = 6
 _GAIN: Final = 1.15
-"""Fixed-point rounds: the CoM follows the pelvis by about 0.85, so each round leaves a few per cent of the error."""
+"""Fixed-point rounds: the CoM follows the pelvis by about 0.85; each leaves a few per cent of the error."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class Truth:
         joint_angle: Anatomical angles by name, each (T,) [rad].
         marker: Marker positions (T, M, 3) [m], when asked for.
         target: Poses of rigid targets (T, K, 4, 4), when asked for.
-        handle: Pose of the handle that the hands hold (T, 4, 4), and ``grasped`` (T,); scenarios with a handle.
+        handle: Pose of the handle that the hands hold (T, 4, 4), and ``grasped`` (T,); scenarios with a
+            handle.
     """
 
     time_s: Array
@@ -79,7 +80,7 @@ def perform(score: Choreography, time_s: Array) -> Truth:
         position=poses.position,
         orientation=poses.orientation,
         support=np.column_stack([score.feet[side].contact for side in SIDES]),
-        com=np.tensordot(poses.position, weights, axes=(1, 0)),
+        com=np.asarray(np.tensordot(poses.position, weights, axes=(1, 0))),
         joint_angle=joint_angles(poses.orientation),
         handle=score.handle,
         grasped=score.grasped,
@@ -94,8 +95,9 @@ def _check_reach(position: Array, body: Body, time_s: Array) -> None:
         if reach.max() > longest:
             i = int(reach.argmax())
             raise ImitorError(
-                f"performer: at t={time_s[i]:.2f} s the {side} foot would be {reach[i]:.2f} m from the hip, but the leg "
-                f"is {longest:.2f} m long; ask for shorter steps (step_length_m) or a taller performer (height_m)"
+                f"performer: at t={time_s[i]:.2f} s the {side} foot would be {reach[i]:.2f} m from the hip, "
+                f"but the leg is {longest:.2f} m long; ask for shorter steps (step_length_m) or a taller "
+                f"performer (height_m)"
             )
 
 
@@ -133,8 +135,8 @@ def mirrored(truth: Truth) -> Truth:
 def joint_angles(orientation: Array) -> dict[str, Array]:
     """Return anatomical angles from segment orientations (T, R, 3, 3), each (T,) [rad].
 
-    Hinges are exact; a hip gives the elevation of the thigh forwards and sideways in the pelvis' frame; a shoulder
-    the angle between upper arm and the trunk's downward axis.
+    Hinges are exact; a hip gives the elevation of the thigh forwards and sideways in the pelvis' frame; a
+    shoulder the angle between upper arm and the trunk's downward axis.
     """
 
     def between(parent: str, child: str) -> Array:

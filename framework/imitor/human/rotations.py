@@ -1,4 +1,4 @@
-"""Rotation matrices for whole clips at once: every function maps ``(T,)`` angles or ``(T, 3)`` vectors to ``(T, 3, 3)``."""
+"""Rotation matrices (T, 3, 3) for whole clips at once, from angles (T,) or vectors (T, 3)."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def apply(R: Array, v: Array) -> Array:
     """Rotate ``v`` of shape (3,) or (T, 3) by ``R`` (T, 3, 3)."""
     if v.ndim == 1:
         return np.asarray(R @ v)
-    return np.einsum("tij,tj->ti", R, v)
+    return np.asarray(np.einsum("tij,tj->ti", R, v))
 
 
 def unit(v: Array) -> Array:

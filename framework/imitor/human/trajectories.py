@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,9 +46,7 @@ def keys(t: Array, points: Sequence[tuple[float, ArrayLike]]) -> Array:
     values = [np.asarray(v, dtype=float) for _, v in points]
     times = [time for time, _ in points]
     out = np.broadcast_to(values[0], (len(t), *values[0].shape)).copy()
-    for (t0, t1), (v0, v1) in zip(
-        zip(times, times[1:], strict=False), zip(values, values[1:], strict=False), strict=True
-    ):
+    for (t0, t1), (v0, v1) in zip(pairwise(times), pairwise(values), strict=True):
         if np.any(v0 != v1):
             out += np.multiply.outer(rise(t, t0, t1), v1 - v0)
     return np.asarray(out)
@@ -56,8 +55,8 @@ def keys(t: Array, points: Sequence[tuple[float, ArrayLike]]) -> Array:
 def through(t: Array, points: Sequence[tuple[float, ArrayLike]]) -> Array:
     """Pass through the points without stopping: quintic Hermite pieces, at rest at both ends.
 
-    The speed at an inner point is the mean slope over its two neighbours and the acceleration there is zero, which
-    neighbouring pieces share: the course is C2.
+    The speed at an inner point is the mean slope over its two neighbours and the acceleration there is zero,
+    which neighbouring pieces share: the course is C2.
     """
     times = np.array([time for time, _ in points])
     values = np.array([np.asarray(v, dtype=float) for _, v in points])
@@ -80,8 +79,8 @@ def through(t: Array, points: Sequence[tuple[float, ArrayLike]]) -> Array:
 def lower_envelope(ceiling: Array, half: int) -> Array:
     """Return a smooth course that nowhere exceeds ``ceiling`` (T,).
 
-    The least value within ``half`` samples, averaged over the same window with weights (1 − s²)³: an average of
-    minima that each reach the sample at hand cannot exceed it.
+    The least value within ``half`` samples, averaged over the same window with weights (1 − s²)³: an average
+    of minima that each reach the sample at hand cannot exceed it.
     """
     if half < 1:
         return ceiling

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from imitor.ik.rows import Layout
 
 Weight = Annotated[float, Field(gt=0)]
+Bounds = tuple[Array, Array]
 GRADIENTS = ("limits", "posture")
 
 
@@ -35,7 +36,7 @@ class IterativeConfig(Config):
     tolerance: float = Field(
         1e-4, ge=0, description="Stop when no task of a frame is further off than this [m or rad]."
     )
-    max_step_rad: float = Field(0.5, gt=0, description="Largest joint step of one iteration [rad].")
+    max_step_rad: float = Field(0.25, gt=0, description="Largest joint step of one iteration [rad].")
     speed_limits: bool = Field(True, description="Treat joint speed limits as limits of the step too.")
     settle_iterations: int = Field(200, ge=1, description="Most iterations for the first frame [-].")
 
@@ -46,14 +47,15 @@ C = TypeVar("C", bound=IterativeConfig)
 class IterativeSolver(Solver[C]):
     """Base of solvers that serve an order of tasks by bounded steps; a subclass writes `bounded_step`."""
 
-    def bounded_step(self, layout: Layout, J: Array, g: Array, lowest: Array, highest: Array) -> Array:
+    def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the step of the free columns.
 
         Args:
             layout: Rows of this frame; ``layout.e`` holds the errors, ``layout.starts`` the levels.
             J: Jacobian of the rows in independent coordinates, shape (m, first + n_u).
             g: Gradient step for the last null space, shape (first + n_u,).
-            lowest, highest: Bounds of the joints' steps, shape (n_u,).
+            limits: Lowest and highest joint steps to the position limits, shapes (n_u,).
+            speeds: Lowest and highest joint steps by the speed limits, shapes (n_u,).
         """
         raise NotImplementedError
 
@@ -78,22 +80,20 @@ class IterativeSolver(Solver[C]):
         self._posture_slope = 2 * self.config.null_space.get("posture", 0.0)
         self._independent = None if robot.coupling is None else robot.coupling.argmax(axis=0)
         self._step_limit = robot.speed * self.dt_s
+        self._unlimited = np.full(robot.n, np.inf)
 
     def step(self, stack: TaskStack, state: Configuration) -> None:
         """Solve one frame from where the last one ended."""
-        robot, joints = self.robot, state.q[7:]
-        if self.config.speed_limits:
-            lowest = np.maximum(robot.lower, joints - self._step_limit)
-            highest = np.minimum(robot.upper, joints + self._step_limit)
-        else:
-            lowest, highest = robot.lower, robot.upper
-        self._iterate(stack, state.q, lowest, highest, self.config.iterations)
+        start = state.q[7:].copy()
+        fast = self._step_limit if self.config.speed_limits else self._unlimited
+        self._iterate(stack, state.q, (start - fast, start + fast), self.config.iterations)
 
     def settle(self, stack: TaskStack, state: Configuration) -> None:
         """Solve the first frame without speed limits."""
-        self._iterate(stack, state.q, self.robot.lower, self.robot.upper, self.config.settle_iterations)
+        far = (-self._unlimited, self._unlimited)
+        self._iterate(stack, state.q, far, self.config.settle_iterations)
 
-    def _iterate(self, stack: TaskStack, q: Array, lowest: Array, highest: Array, most: int) -> None:
+    def _iterate(self, stack: TaskStack, q: Array, reach: Bounds, most: int) -> None:
         robot, config = self.robot, self.config
         if stack.anchor:
             robot.place(q, stack.anchor, stack.anchor_pose)
@@ -102,30 +102,32 @@ class IterativeSolver(Solver[C]):
             self._rows.assemble(layout)
             if np.abs(layout.e).max(initial=0.0) < config.tolerance:
                 break
-            self._move(layout, q, lowest, highest)
+            self._move(layout, q, reach)
             if stack.anchor:
                 robot.place(q, stack.anchor, stack.anchor_pose)
 
-    def _move(self, layout: Layout, q: Array, lowest: Array, highest: Array) -> None:
+    def _move(self, layout: Layout, q: Array, reach: Bounds) -> None:
         robot, first, joints = self.robot, layout.first, q[7:]
         g = np.zeros(layout.n)
         g[first:] = self._limit_slope * (joints - self._middle)
         if self._posture is not None:
             g[first:] += self._posture_slope * (joints - self._posture)
-        lowest, highest = lowest - joints, highest - joints
+        limits = (robot.lower - joints, robot.upper - joints)
+        speeds = (np.minimum(reach[0] - joints, 0.0), np.maximum(reach[1] - joints, 0.0))
         if robot.coupling is None or self._independent is None:
-            step = self.bounded_step(layout, layout.J, g, lowest, highest)
+            step = self.bounded_step(layout, layout.J, g, limits, speeds)
             moved = step[first:]
         else:
             S, pick = robot.coupling, self._independent
             J = np.hstack([layout.J[:, :first], layout.J[:, first:] @ S])
             reduced = np.concatenate([g[:first], S.T @ g[first:]])
-            step = self.bounded_step(layout, J, reduced, lowest[pick], highest[pick])
+            step = self.bounded_step(
+                layout, J, reduced, (limits[0][pick], limits[1][pick]), (speeds[0][pick], speeds[1][pick])
+            )
             moved = S @ step[first:]
-        share = self.config.max_step_rad / max(float(np.abs(moved).max()), self.config.max_step_rad)
         if first:
-            q[:] = robot.integrate(q, np.concatenate([share * step[:first], share * moved]))
+            q[:] = robot.integrate(q, np.concatenate([step[:first], moved]))
         else:
-            joints += share * moved
+            joints += moved
         np.clip(joints, robot.lower, robot.upper, out=joints)
         robot.update(q)

@@ -3,7 +3,7 @@
 [pennapoubel2014] P4 to P6 and P10: the support foot is fixed to the world; in double support both feet keep the place
 of the step before; a landing foot is first set to the ground. A free foot follows the scaled body horizontally; near
 the ground its height is the human's clearance in the robot's size, so that it neither sinks in nor hovers, and it turns
-flat before it lands.
+flat before it lands, about whatever heading the leg gives it.
 """
 
 from __future__ import annotations
@@ -41,69 +41,113 @@ class FootSettings:
 
 
 class Foot:
-    """One foot of the human and the target of the robot's sole."""
+    """One foot of the human and the target of the robot's sole.
+
+    Attributes:
+        pose: Target of the sole, world from sole, shape (4, 4).
+        turn: The human's foot, world from sole, shape (3, 3): where a free foot would like to point.
+        offset: What the foot is off the scaled body, shape (3,) [m]; fades after lift-off.
+        clearance: Lowest point of the human's foot over the floor [m].
+        highest: Higher one of heel and toes [m].
+    """
 
     def __init__(self, side: str, robot: RobotModel, skeleton: Skeleton) -> None:
         self.role = f"{side}_foot"
-        self._ankle, self._toe = ROLE_INDEX[f"{side}_ankle"], ROLE_INDEX[f"{side}_toe"]
+        self._ankle, self._toe, self._knee = (ROLE_INDEX[f"{side}_{r}"] for r in ("ankle", "toe", "knee"))
         self._has_toe = skeleton.has(f"{side}_toe")
         self._ankle_height, self._toe_height = skeleton.ankle_height_m, skeleton.toe_height_m
         robot.update(robot.standing)
-        self._sole_to_ankle = robot.rotation(self.role).T @ (robot.position(f"{side}_ankle") - robot.position(self.role))
+        self._sole_to_ankle = robot.rotation(self.role).T @ (
+            robot.position(f"{side}_ankle") - robot.position(self.role)
+        )
         self._corners = robot.sole[SIDES.index(side)]
         self.pose: Array = np.eye(4)
+        self.turn: Array = np.eye(3)
         self.offset: Array = np.zeros(3)
-        self.yaw = 0.0
-        self.pitch = 0.0
         self.clearance = 0.0
         self.highest = 0.0
 
     def read(self, frame: HumanFrame, forward: Array) -> None:
-        """Read the human's foot: yaw, pitch [rad, toes down positive], clearance and highest point [m]."""
-        ankle = frame.position[self._ankle]
+        """Read the human's foot; without toes it points where the pelvis faces."""
         if not frame.valid[self._ankle]:
             return
-        heel = float(ankle[2]) - self._ankle_height
+        ankle = frame.position[self._ankle]
+        heel = toe = float(ankle[2]) - self._ankle_height
         if self._has_toe and frame.valid[self._toe]:
             d = frame.position[self._toe] - ankle
-            run = float(np.hypot(d[0], d[1]))
-            if run > 1e-3:
-                flat = np.arctan2(self._ankle_height - self._toe_height, np.sqrt(max(run * run + d[2] * d[2], 1e-9)))
-                self.pitch = float(np.arctan2(-d[2], run) - flat)
-                self.yaw = float(np.arctan2(d[1], d[0]))
             toe = float(frame.position[self._toe][2]) - self._toe_height
+            if frame.valid[self._knee]:
+                self._read_turn(d, frame.position[self._knee] - ankle)
         else:
-            self.yaw, self.pitch, toe = float(np.arctan2(forward[1], forward[0])), 0.0, heel
+            heading = float(np.arctan2(forward[1], forward[0]))
+            self.turn[:] = _yaw(heading)
         self.clearance, self.highest = max(min(heel, toe), 0.0), max(heel, toe, 0.0)
+
+    def _read_turn(self, d: Array, shank: Array) -> None:
+        """Turn of the sole from ankle to toe and ankle to knee: left is up x forward; flat when standing flat."""
+        length = float(np.sqrt(d @ d))
+        left = np.array(
+            [shank[1] * d[2] - shank[2] * d[1], shank[2] * d[0] - shank[0] * d[2], shank[0] * d[1] - shank[1] * d[0]]
+        )
+        norm = float(np.sqrt(left @ left))
+        if length < 1e-3 or norm < 1e-2 * length * float(np.sqrt(shank @ shank)):
+            return  # foot in line with the shank: as in the last frame
+        x, y = d / length, left / norm
+        z = np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
+        drop = min(max((self._ankle_height - self._toe_height) / length, -0.9), 0.9)
+        c, s = float(np.sqrt(1.0 - drop * drop)), drop
+        self.turn[:, 0], self.turn[:, 1], self.turn[:, 2] = c * x + s * z, y, c * z - s * x
 
     def stand(self, robot_pose: Array) -> None:
         """Put the sole flat on the ground below where the robot's foot is."""
-        R = robot_pose[:3, :3]
-        self._set_rotation(float(np.arctan2(R[1, 0], R[0, 0])), 0.0)
+        self.pose[:3, :3] = _yaw(float(np.arctan2(robot_pose[1, 0], robot_pose[0, 0])))
         self.pose[:2, 3], self.pose[2, 3] = robot_pose[:2, 3], 0.0
 
     def swing(self, ankle: Array, ratio: float, settings: FootSettings) -> None:
         """Follow the scaled body's ankle, shape (3,) [m], over the ground."""
-        flat = settings.flat_below_m
-        follow = smoothstep((self.highest - flat) / flat)
-        self._set_rotation(self.yaw, follow * self.pitch)
+        follow = self.freedom(settings)
+        heading = float(np.arctan2(self.turn[1, 0], self.turn[0, 0]))
+        self.pose[:3, :3] = _between(_yaw(heading), self.turn, follow)
         R = self.pose[:3, :3]
         sole = ankle + self.offset - R @ self._sole_to_ankle
-        on_ground = ratio * self.clearance - float((self._corners @ R.T)[:, 2].min())
+        deepest = float((self._corners @ R[2]).min())
         w = smoothstep(self.clearance / settings.free_above_m)
-        self.pose[:2, 3] = sole[:2]
-        self.pose[2, 3] = max(w * float(sole[2]) + (1 - w) * on_ground, -float((self._corners @ R.T)[:, 2].min()))
+        height = w * float(sole[2]) + (1 - w) * (ratio * self.clearance - deepest)
+        self.pose[:2, 3], self.pose[2, 3] = sole[:2], max(height, -deepest)
+
+    def freedom(self, settings: FootSettings) -> float:
+        """Return 0 for a foot that must be flat, 1 for one that turns as the human's, and between near the ground."""
+        return smoothstep((self.highest - settings.flat_below_m) / settings.flat_below_m)
 
     def ankle_of(self, pose: Array) -> Array:
         """Return the ankle's place for a pose of the sole, shape (3,) [m]."""
         return np.asarray(pose[:3, :3] @ self._sole_to_ankle + pose[:3, 3])
 
-    def _set_rotation(self, yaw: float, pitch: float) -> None:
-        cy, sy, cp, sp = np.cos(yaw), np.sin(yaw), np.cos(pitch), np.sin(pitch)
-        R = self.pose
-        R[0, 0], R[0, 1], R[0, 2] = cy * cp, -sy, cy * sp
-        R[1, 0], R[1, 1], R[1, 2] = sy * cp, cy, sy * sp
-        R[2, 0], R[2, 1], R[2, 2] = -sp, 0.0, cp
+
+def _yaw(angle: float) -> Array:
+    c, s = float(np.cos(angle)), float(np.sin(angle))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _between(A: Array, B: Array, share: float) -> Array:
+    """Return a rotation between two, exact at both ends (columns blended and made orthonormal)."""
+    if share <= 0.0:
+        return A
+    if share >= 1.0:
+        return B
+    z = (1 - share) * A[:, 2] + share * B[:, 2]
+    x = (1 - share) * A[:, 0] + share * B[:, 0]
+    norm = float(np.sqrt(z @ z))
+    if norm < 1e-6:
+        return B
+    z = z / norm
+    x = x - (x @ z) * z
+    norm = float(np.sqrt(x @ x))
+    if norm < 1e-6:
+        return B
+    x = x / norm
+    y = np.array([z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]])
+    return np.stack([x, y, z], axis=1)
 
 
 class Footing:
@@ -176,8 +220,8 @@ class Footing:
         self.mid_hip = np.array([ratio * human[0][0], ratio * human[0][1], 0.0])
         for i, foot in enumerate(self.feet):
             foot.pose[:3, 3] = (self.mid_hip + ankles[i])[0], (self.mid_hip + ankles[i])[1], 0.0
-            foot._set_rotation(foot.yaw, 0.0)
-            foot.pose[:2, 3] -= (foot.pose[:3, :3] @ foot._sole_to_ankle)[:2]
+            foot.pose[:3, :3] = _yaw(float(np.arctan2(foot.turn[1, 0], foot.turn[0, 0])))
+            foot.pose[:2, 3] -= (foot.ankle_of(foot.pose) - foot.pose[:3, 3])[:2]
         self.contact = list(wanted)
         self._human_mid_hip = human[0].copy()
         lowest = min(float(ankles[i][2] - foot.ankle_of(np.eye(4))[2]) for i, foot in enumerate(self.feet))

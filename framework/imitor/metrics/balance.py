@@ -13,7 +13,7 @@ from imitor.types import Array, BoolArray
 
 GRAVITY: Final = 9.81  # [m/s^2]
 SMOOTHING_S: Final = 0.05
-"""Span of the central difference on each side of a frame [s]: noise of single frames would swamp the acceleration."""
+"""Span of the central difference on each side of a frame [s]; over one frame, noise would swamp it."""
 
 _SUPPORTS: Final = ("single", "double")
 _POLYGON: Final = f"convex hull of the sole corners at or under z = {1000 * TOUCH_M:.0f} mm"
@@ -40,8 +40,8 @@ def _in_support(run: Run, point: Array, known: BoolArray, what: str) -> dict[str
 @figure(
     "com_margin_{support}_support_m",
     unit="m",
-    formula=f"signed distance of the CoM's floor point to the boundary of the support polygon ({_POLYGON}), positive "
-    "inside; frames by the number of feet that touch",
+    formula="signed distance of the CoM's floor point to the boundary of the support polygon "
+    f"({_POLYGON}), positive inside; frames by the number of feet that touch",
     better="higher",
     about="Static balance; inside_share is the share of those frames with the CoM inside.",
     members=_SUPPORTS,
@@ -55,9 +55,9 @@ def com_margin(run: Run) -> dict[str, Outcome]:
     "zmp_margin_{support}_support_m",
     unit="m",
     formula="the same for the ZMP of the cart-table model [kajita2003] p = c − (c_z / g) c̈, with the central "
-    f"difference c̈ = (c(t+h) − 2 c(t) + c(t−h)) / h², which also smooths; h = {SMOOTHING_S} s or one frame, if longer",
+    f"difference c̈ = (c(t+h) − 2 c(t) + c(t−h)) / h², which smooths too; h = {SMOOTHING_S} s, or one frame",
     better="higher",
-    about="Dynamic balance of a point mass at the CoM; angular momentum and vertical acceleration are left out.",
+    about="Dynamic balance of a point mass at the CoM, without angular momentum and vertical acceleration.",
     members=_SUPPORTS,
 )
 def zmp_margin(run: Run) -> dict[str, Outcome]:

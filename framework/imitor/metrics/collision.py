@@ -5,17 +5,21 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from imitor.errors import UnknownLink
 from imitor.metrics.figure import Outcome, Sample, Unmeasured, figure
 from imitor.metrics.hulls import hulled_geometry
+from imitor.metrics.kinematics import fresh_model
 from imitor.metrics.run import Run
 from imitor.robot.card import RobotCard, expand
 from imitor.robot.files import ModelFiles
 from imitor.types import Array
+
+if TYPE_CHECKING:
+    from imitor.robot.model import RobotModel
 
 DEPTH_M: Final = 0.001
 """Two links that overlap by no more than this do not count [m]: hulls are a little larger than the links."""
@@ -51,7 +55,7 @@ class CollisionModel:
         return self.model.frames[a.parentFrame].name, self.model.frames[b.parentFrame].name
 
     def collisions(self, q: Array) -> list[tuple[float, tuple[str, str]]]:
-        """Return depth [m] and links of every pair that overlaps by more than `DEPTH_M` in a configuration."""
+        """Return depth [m] and links of every pair that overlaps by more than `DEPTH_M`."""
         import pinocchio as pin
 
         if not pin.computeCollisions(self.model, self._data, self.geometry, self._results, q, False):
@@ -66,8 +70,8 @@ class CollisionModel:
 def collision_model(card: RobotCard, files: ModelFiles, model: Any, standing: Array) -> CollisionModel:
     """Return the hulls of a robot and the pairs of links that are worth a look.
 
-    All pairs but those on one link or on links joined by a joint, those that the SRDF disables or, where there is
-    none, those that overlap in the standing posture, and those that the card skips.
+    All pairs but those on one link or on links joined by a joint, those that the SRDF disables or, where
+    there is none, those that overlap in the standing posture, and those that the card skips.
 
     Args:
         card: The robot's card.
@@ -102,6 +106,19 @@ def collision_model(card: RobotCard, files: ModelFiles, model: Any, standing: Ar
         if links in overlapping:
             geometry.removeCollisionPair(pair)
     return CollisionModel(model, geometry, "without the pairs that overlap in the standing posture")
+
+
+def robot_collision_model(robot: RobotModel, model: Any | None = None) -> CollisionModel:
+    """Return the collision model of a robot; see `collision_model`.
+
+    Args:
+        robot: The robot.
+        model: A model from `fresh_model` of the same robot, if there is one already.
+    """
+    model = model if model is not None else fresh_model(robot.card, robot.files)
+    locked = {name: float(value) for name, value in expand(robot.card.locked).items()}
+    standing = full_configurations(model, locked, robot.joint_names, robot.standing[None])[0]
+    return collision_model(robot.card, robot.files, model, standing)
 
 
 def _skip(card: RobotCard, model: Any, geometry: Any) -> None:
@@ -151,9 +168,9 @@ def full_configurations(model: Any, locked: dict[str, float], joint_names: Seque
 @figure(
     "self_collision_frames",
     unit="frames",
-    formula=f"frames in which a pair of links overlaps by more than {1000 * DEPTH_M:.0f} mm, convex hulls of the "
-    "collision geometry, without neighbours and the pairs that the SRDF disables or, where there is none, that overlap "
-    f"in the standing posture; at most {RATE_HZ:.0f} frames a second are looked at",
+    formula=f"frames in which two links overlap by more than {1000 * DEPTH_M:.0f} mm: convex hulls of the "
+    "collision geometry, without neighbours and the pairs that the SRDF disables or, where there is none, "
+    f"that overlap in the standing posture; at most {RATE_HZ:.0f} frames a second are looked at",
     better="lower",
     about="Whether the robot would hit itself, how deep, and which pair most often.",
 )
@@ -161,23 +178,23 @@ def self_collision(run: Run) -> Outcome:
     """Count the frames in which the robot penetrates itself."""
     if run.collision_every == 0:
         return Unmeasured("left out on request")
-    card, locked, names = run.robot.card, run.kinematics.locked, run.motion.joint_names
     every = run.collision_every or (
         max(1, int(np.ceil(round(1.0 / run.period_s / RATE_HZ, 6)))) if len(run) > 1 else 1
     )
-    standing = full_configurations(run.model, locked, run.robot.joint_names, run.robot.standing[None])[0]
     try:
-        pairs = collision_model(card, run.robot.files, run.model, standing)
+        pairs = robot_collision_model(run.robot, run.model)
     except ValueError as error:
-        return Unmeasured(f"robot '{card.name}': {error}")
+        return Unmeasured(f"robot '{run.robot.name}': {error}")
     hits: dict[tuple[str, str], int] = {}
     depth, count = 0.0, 0
-    configurations = full_configurations(run.model, locked, names, run.motion.configurations()[::every])
+    configurations = full_configurations(
+        run.model, run.kinematics.locked, run.motion.joint_names, run.motion.configurations()[::every]
+    )
     for q in configurations:
         found = pairs.collisions(q)
         count += bool(found)
-        for links in {links for _, links in found}:
-            hits[links] = hits.get(links, 0) + 1
+        for pair in {links for _, links in found}:
+            hits[pair] = hits.get(pair, 0) + 1
         depth = max([depth, *(d for d, _ in found)])
     values: dict[str, Any] = {
         "count": count,
@@ -186,5 +203,6 @@ def self_collision(run: Run) -> Outcome:
         "every": every,
     }
     if hits:
-        values["pair"] = " and ".join(max(sorted(hits), key=lambda links: hits[links]))
+        worst = max(sorted(hits), key=lambda pair: hits[pair])
+        values["pair"] = " and ".join(worst)
     return Sample(values, len(configurations))

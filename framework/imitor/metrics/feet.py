@@ -27,8 +27,8 @@ def _slip(run: Run, contact: BoolArray, reason: str) -> Outcome:
 @figure(
     "foot_slip_human_contact_m_s",
     unit="m/s",
-    formula="horizontal speed of the sole's centre from frame to frame while the human's same foot is in contact in "
-    "both; mean and max over feet and frames",
+    formula="horizontal speed of the sole's centre from frame to frame while the human's same foot is in "
+    "contact in both; mean and max over feet and frames",
     better="lower",
     about="Whether the robot's feet stay where the human's stand.",
 )
@@ -107,8 +107,8 @@ def flight(run: Run) -> Outcome:
 @figure(
     "contact_disagreement_frames",
     unit="frames",
-    formula=f"frames in which a foot touches (a corner at or under {1000 * TOUCH_M:.0f} mm) and is not declared in "
-    "contact, or the reverse; foot_frames of each kind beside it",
+    formula=f"frames in which a foot touches (a corner at or under {1000 * TOUCH_M:.0f} mm) and is not "
+    "declared in contact, or the reverse; foot_frames of each kind beside it",
     better="lower",
     about="Whether the declared contact is what the geometry says.",
 )

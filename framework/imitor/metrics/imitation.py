@@ -14,7 +14,7 @@ ENDS: Final = tuple(f"{side}_{end}" for end in ("hand", "foot") for side in SIDE
 
 
 def angle(a: Array, b: Array) -> Array:
-    """Return the angles between unit vectors, shape (T,) [rad]; exact for small ones, unlike the arc cosine."""
+    """Return the angles between unit vectors, shape (T,) [rad]; exact where the arc cosine is not."""
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(a - b, axis=1), np.linalg.norm(a + b, axis=1)))
 
 
@@ -37,7 +37,7 @@ def _direction_errors(run: Run) -> dict[str, Array | Unmeasured]:
 @figure(
     "direction_error_{segment}_deg",
     unit="deg",
-    formula="angle between the line of the robot's two role points and that of the human's, in world; valid frames",
+    formula="angle between the line of the robot's two role points and the human's, in world; valid frames",
     better="lower",
     about="Similarity of pose, whatever the body sizes.",
     members=tuple(SEGMENTS),
@@ -79,8 +79,8 @@ def mean_direction_error(run: Run) -> Outcome:
 @figure(
     "end_effector_error_{end}_m",
     unit="m",
-    formula="|r − (L_robot / L_human) h|: r, h the vectors shoulder → wrist (hand, where a body has no wrist) or "
-    "hip → ankle of robot and human in world, L the median limb length over frames",
+    formula="|r − (L_robot / L_human) h|: r, h the vectors shoulder → wrist (hand, where a body has no "
+    "wrist) or hip → ankle of robot and human in world, L the median limb length over frames",
     better="lower",
     about="Reach of hands and feet after scaling the limb.",
     members=ENDS,

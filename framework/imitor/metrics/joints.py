@@ -33,8 +33,8 @@ def _peak(run: Run, per_joint: Array, what: str) -> Outcome:
 @figure(
     "joint_limit_violation_frames",
     unit="frames",
-    formula=f"frames with a joint more than {LIMIT_TOLERANCE:g} rad outside its limits; joint_frames counts joints and "
-    "frames, excess_rad is the worst",
+    formula=f"frames with a joint more than {LIMIT_TOLERANCE:g} rad outside its limits; joint_frames counts "
+    "joints and frames, excess_rad is the worst",
     better="lower",
     about="Must be 0: the robot cannot go there.",
 )
@@ -111,13 +111,13 @@ def acceleration_ratio(run: Run) -> Outcome:
 @figure(
     "joint_jump_frames",
     unit="frames",
-    formula=f"steps with a joint moving more than {JUMP_RAD} rad while no known segment of the human turns more than "
-    f"{STILL_RAD} rad",
+    formula=f"steps with a joint moving more than {JUMP_RAD} rad while no known segment of the human turns "
+    f"more than {STILL_RAD} rad",
     better="lower",
     about="Flips and snaps that the human did not ask for.",
 )
 def jumps(run: Run) -> Outcome:
-    """Count the steps in which a joint jumps and the human does not. A segment that is not known counts as still."""
+    """Count the steps in which a joint jumps and the human does not; an unknown segment counts as still."""
     if len(run) < 2:
         return Unmeasured(_TOO_SHORT.format("two"))
     directions = np.array(list(run.human_direction.values()))

@@ -1,7 +1,8 @@
 """Forward kinematics of a whole motion at once, for measuring only.
 
-Nothing here is shared with the solvers: the model file is read afresh, its constants are taken out, and every joint
-is moved for all frames together by numpy. The measured quality of a motion thus does not rest on the code that made it.
+Nothing here is shared with the solvers: the model file is read afresh, its constants are taken out, and every
+joint is moved for all frames together by numpy. So the measured quality of a motion does not rest on the code
+that made it.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Trajectory:
     """Where the robot's points are, T frames, world frame.
 
     Attributes:
-        point: Role -> position, shape (T, 3) [m]; ``mid_hip`` and ``mid_shoulder`` are the middles of two roles.
+        point: Role -> position, shape (T, 3) [m]; ``mid_hip`` and ``mid_shoulder`` are middles.
         sole: Corners of the left and of the right sole, shape (T, 2, K, 3) [m].
         com: Centre of mass, shape (T, 3) [m].
     """
@@ -121,12 +122,8 @@ class Kinematics:
             R, p = R_parent @ R_offset, R_parent @ p_offset + p_parent
             if j == BASE:
                 p, R = p + np.einsum("tij,tj->ti", R, position), R @ rotation
-            elif self._axis[j] is not None:
-                linear, angular = self._axis[j]
-                q = angle.get(self.joint_names[j], np.zeros(n))
-                p = p + (R @ linear) * q[:, None]
-                if angular.any():
-                    R = R @ rodrigues(angular, q)
+            else:
+                R, p = _moved(R, p, self._axis[j], angle.get(self.joint_names[j]))
             poses.append((R, p))
         return poses
 
@@ -148,7 +145,7 @@ class Kinematics:
         return point
 
     def _soles(self, poses: list[tuple[Array, Array]]) -> Array:
-        """Return the sole corners; a sole's axes are the world's when all joints are 0 and the base is upright."""
+        """Return the sole corners; a sole's axes are the world's while all joints are 0, base upright."""
         card = self.card.soles
         corners = np.array([(x, y, 0.0) for x, y in card.polygon_m])
         frames = list(expand({card.frame: 0.0}))
@@ -168,6 +165,15 @@ class Kinematics:
             if mass > 0:
                 moment = moment + mass * (R @ lever + p)
         return np.asarray(moment / max(float(self._mass.sum()), 1e-12))
+
+
+def _moved(R: Array, p: Array, axis: tuple[Array, Array] | None, q: Array | None) -> tuple[Array, Array]:
+    """Return the pose behind a joint at positions (T,) [rad or m]; a joint without position is at 0."""
+    if axis is None or q is None:
+        return R, p
+    linear, angular = axis
+    p = p + (R @ linear) * q[:, None]
+    return (R @ rodrigues(angular, q) if angular.any() else R), p
 
 
 def rodrigues(axis: Array, angle: Array) -> Array:
@@ -195,7 +201,7 @@ def _split(placement: Any) -> tuple[Array, Array]:
 
 
 def _axis(joint: Any) -> tuple[Array, Array] | None:
-    """Return a joint's motion (linear, angular) per unit of position; ``None`` where it is no simple joint."""
+    """Return a joint's motion (linear, angular) per unit of position; ``None`` for no simple joint."""
     if joint.nv != 1:
         return None
     data = joint.createData()

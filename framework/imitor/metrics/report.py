@@ -33,8 +33,8 @@ def evaluate(
         motion: What the robot was told.
         reference: What it was meant to do, the same frames.
         robot: The robot of the motion.
-        collision_every: Look for self-collision in every so many-th frame; 0 leaves it out, ``None`` chooses at
-            most 50 frames a second.
+        collision_every: Look for self-collision in every so many-th frame; 0 leaves it out, ``None`` chooses
+            at most 50 frames a second.
 
     Raises:
         SourceError: Motion and reference do not fit together or hold numbers that are none.

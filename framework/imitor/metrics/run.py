@@ -1,4 +1,4 @@
-"""A finished run as the figures see it: motion and reference, frame by frame, and what several figures need."""
+"""A finished run as the figures see it: motion, reference, robot, and what several figures need."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class Run:
         motion: What the robot was told.
         reference: What it was meant to do, the same frames.
         robot: Whose card, files and limits count; its kinematics are not used.
-        collision_every: Look for self-collision in every so many-th frame; 0 leaves it out, ``None`` chooses at
-            most 50 frames a second.
+        collision_every: Look for self-collision in every so many-th frame; 0 leaves it out, ``None`` chooses
+            at most 50 frames a second.
 
     Raises:
         SourceError: Motion and reference do not fit together or hold numbers that are none.
@@ -57,7 +57,7 @@ class Run:
 
     @cached_property
     def period_s(self) -> float:
-        """Time between two frames at the output rate: the median of the differences of the time stamps [s]."""
+        """Time between two frames at the output rate: the median difference of the time stamps [s]."""
         return float(np.median(np.diff(self.motion.time_s))) if len(self) > 1 else float("nan")
 
     # ------------------------------------------------------------------ the human

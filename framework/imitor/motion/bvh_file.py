@@ -16,40 +16,16 @@ from typing import Final
 import numpy as np
 
 from imitor.atomic import atomic
-from imitor.errors import SourceError, did_you_mean
+from imitor.errors import SourceError
+from imitor.motion.bvh_hierarchy import Hierarchy, Node
 from imitor.types import Array
 
-CHANNELS: Final = ("Xposition", "Yposition", "Zposition", "Xrotation", "Yrotation", "Zrotation")
-
-MAX_NODES: Final = 4000
-MAX_DEPTH: Final = 256
 MAX_VALUES: Final = 100_000_000
-"""Bounds on what is read, so that a broken or hostile file cannot take all memory."""
+"""Bound on the numbers of a motion, so that a broken or hostile file cannot take all memory."""
 
-_CANONICAL = {c.lower(): c for c in CHANNELS}
-_TOKEN = re.compile(r"[{}]|[^\s{}]+")
 _MOTION = re.compile(r"^[ \t]*MOTION[ \t]*$", re.MULTILINE | re.IGNORECASE)
 _FRAMES = re.compile(r"\s*Frames[ \t]*:[ \t]*(.*)", re.IGNORECASE)
 _FRAME_TIME = re.compile(r"\s*Frame[ \t]+Time[ \t]*:[ \t]*(.*)", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class Node:
-    """A joint or an End Site of the tree. Nodes are known by their index: names may repeat.
-
-    Attributes:
-        name: The joint's name as written; empty for an End Site.
-        parent: Index of the parent; -1 for the root.
-        offset: Position in the parent's axes while no position channel replaces it, shape (3,) [file units].
-        channels: Names out of `CHANNELS`, in the order of the file.
-        is_end: Whether this is an End Site.
-    """
-
-    name: str
-    parent: int
-    offset: Array
-    channels: tuple[str, ...] = ()
-    is_end: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,7 +57,7 @@ def read_bvh(path: str | Path) -> Bvh:
     text = _read_text(path)
     start = _MOTION.search(text)
     header = text[: start.start()] if start else text
-    nodes = _Hierarchy(path, header).parse(complete=start is not None)
+    nodes = Hierarchy(path, header).parse(complete=start is not None)
     if start is None:
         raise SourceError(path, "the file ends without a MOTION section", header.count("\n") + 1)
     return _read_motion(path, text, start.end(), nodes)
@@ -150,143 +126,6 @@ def _read_text(path: str | Path) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-class _Hierarchy:
-    """Parser of the HIERARCHY section: tokens with their lines, a stack instead of recursion."""
-
-    def __init__(self, path: str | Path, text: str) -> None:
-        self.path = path
-        self.tokens = [
-            (token, number)
-            for number, line in enumerate(text.split("\n"), 1)
-            for token in _TOKEN.findall(line)
-        ]
-        self.at = 0
-
-    def fail(self, message: str, line: int | None = None) -> SourceError:
-        here = self.tokens[min(self.at, len(self.tokens) - 1)][1]
-        return SourceError(self.path, message, here if line is None else line)
-
-    def peek(self) -> str:
-        return self.tokens[self.at][0] if self.at < len(self.tokens) else ""
-
-    def next(self, expected: str) -> str:
-        if self.at >= len(self.tokens):
-            raise self.fail(f"the hierarchy ends where {expected} is expected")
-        self.at += 1
-        return self.tokens[self.at - 1][0]
-
-    def parse(self, complete: bool) -> tuple[Node, ...]:
-        if self.peek().upper() != "HIERARCHY":
-            raise self.fail(f"a BVH file begins with HIERARCHY, this one with '{self.peek()[:40]}'")
-        self.at += 1
-        if self.peek().upper() != "ROOT":
-            raise self.fail(f"expected ROOT after HIERARCHY, found '{self.peek()[:40]}'")
-        nodes: list[Node] = []
-        opened: list[tuple[int, int]] = []  # (node, line of its brace)
-        while self.at < len(self.tokens):
-            word, line = self.tokens[self.at]
-            self.at += 1
-            if word == "}":
-                if not opened:
-                    raise self.fail("a '}' too many: every block is closed already", line)
-                opened.pop()
-            elif word.upper() in ("ROOT", "JOINT", "END"):
-                self._open(word.upper(), line, nodes, opened)
-            else:
-                raise self.fail(
-                    f"expected JOINT, End Site or '}}', found '{word[:40]}'"
-                    + (" (unknown words cannot be skipped)" if opened else ": the hierarchy is complete"),
-                    line,
-                )
-        if opened:
-            node, line = opened[-1]
-            what = nodes[node].name or "End Site"
-            cut = "" if complete else "; the file is cut off"
-            raise self.fail(f"the '{{' of '{what}' is never closed{cut}", line)
-        return tuple(nodes)
-
-    def _open(self, kind: str, line: int, nodes: list[Node], opened: list[tuple[int, int]]) -> None:
-        words = []
-        while self.peek() not in ("{", "}", ""):
-            words.append(self.next("'{'"))
-        name = " ".join(words)
-        if kind == "ROOT" and nodes:
-            raise self.fail(
-                f"a second ROOT '{name}' after '{nodes[0].name}': one file is one body here; "
-                "write each body into a file of its own",
-                line,
-            )
-        if kind == "JOINT" and not opened:
-            raise self.fail(f"JOINT '{name}' stands outside the ROOT's braces", line)
-        if kind == "END" and not opened:
-            raise self.fail("an End Site stands outside the ROOT's braces", line)
-        if opened and nodes[opened[-1][0]].is_end:
-            raise self.fail(f"{kind} '{name}' stands inside an End Site, which can have no children", line)
-        if self.next("'{'") != "{":
-            raise self.fail(f"expected '{{' after {kind} '{name}'", line)
-        brace = self.tokens[self.at - 1][1]
-        offset = self._offset(name or "End Site")
-        channels = self._channels(name or "End Site")
-        nodes.append(
-            Node(
-                "" if kind == "END" else name,
-                opened[-1][0] if opened else -1,
-                offset,
-                channels,
-                kind == "END",
-            )
-        )
-        opened.append((len(nodes) - 1, brace))
-        if len(nodes) > MAX_NODES or len(opened) > MAX_DEPTH:
-            raise self.fail(f"more than {MAX_NODES} joints or {MAX_DEPTH} levels: no human skeleton", line)
-
-    def _offset(self, name: str) -> Array:
-        if self.peek().upper() != "OFFSET":
-            if self.peek().upper() == "CHANNELS":  # some writers put CHANNELS first, with OFFSET after it
-                raise self.fail(f"'{name}' has CHANNELS before OFFSET; OFFSET comes first")
-            return np.zeros(3)
-        self.at += 1
-        return np.array([self._number(f"three numbers after OFFSET of '{name}'") for _ in range(3)])
-
-    def _number(self, expected: str) -> float:
-        word = self.next(expected)
-        line = self.tokens[self.at - 1][1]
-        try:
-            value = float(word)
-        except ValueError:
-            raise self.fail(f"expected {expected}, found '{word[:40]}'", line) from None
-        if not np.isfinite(value):
-            raise self.fail(
-                f"expected {expected}, found '{word[:40]}': only finite numbers have a meaning", line
-            )
-        return value
-
-    def _channels(self, name: str) -> tuple[str, ...]:
-        if self.peek().upper() != "CHANNELS":
-            return ()
-        line = self.tokens[self.at][1]
-        self.at += 1
-        word = self.next(f"a number of channels of '{name}'")
-        if not word.isdigit():
-            raise self.fail(f"expected a number of channels of '{name}', found '{word[:40]}'", line)
-        channels: list[str] = []
-        for i in range(int(word)):
-            given = self.next(f"channel {i + 1} of {word} of '{name}'")
-            channel = _CANONICAL.get(given.lower())
-            if channel is None:
-                hint = did_you_mean(given, CHANNELS)
-                raise self.fail(
-                    f"channel {i + 1} of {word} of '{name}' is '{given[:40]}'; "
-                    f"legal are {', '.join(CHANNELS)}"
-                    + (f"; {hint}" if hint else ""),
-                    line,
-                )
-            if channel in channels and channel.endswith("position"):
-                raise self.fail(f"'{name}' has the channel {channel} twice", line)
-            channels.append(channel)
-        return tuple(channels)
-
-
 def _read_motion(path: str | Path, text: str, at: int, nodes: tuple[Node, ...]) -> Bvh:
     def line_of(position: int) -> int:
         return text.count("\n", 0, position) + 1
@@ -330,12 +169,16 @@ def _read_motion(path: str | Path, text: str, at: int, nodes: tuple[Node, ...]) 
     if values is None or not np.isfinite(values).all():
         raise _bad_token(path, text[at:], line_of(at))
     if values.size != int(frames) * width:
-        raise _wrong_count(path, text[at:], line_of(at), int(frames), width, values.size, frames_line)
+        message, line = _wrong_count(text[at:], int(frames), width, values.size)
+        raise SourceError(path, message, frames_line if line is None else line_of(at) + line)
     return Bvh(nodes, values.reshape(int(frames), width), dt)
 
 
 def _numbers(block: str) -> Array | None:
     """Convert a block of numbers in one call; None when something in it is not a number."""
+    block = block.strip()
+    if not block:  # of blanks alone numpy makes a number
+        return np.empty(0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
@@ -361,21 +204,17 @@ def _bad_token(path: str | Path, block: str, first_line: int) -> SourceError:
     return SourceError(path, "the motion holds something that is not a number", first_line)
 
 
-def _wrong_count(
-    path: str | Path, block: str, first_line: int, frames: int, width: int, size: int, frames_line: int
-) -> SourceError:
+def _wrong_count(block: str, frames: int, width: int, size: int) -> tuple[str, int | None]:
+    """Say how the amount of numbers differs, and in which line of the block when that can be told."""
     if size % width == 0:
-        return SourceError(
-            path,
+        return (
             f"'Frames:' says {frames}, but the motion holds {size // width} frames of {width} numbers",
-            frames_line,
+            None,
         )
-    counts = [(number, len(line.split())) for number, line in enumerate(block.split("\n"), first_line)]
-    odd = [(number, n) for number, n in counts if n not in (0, width)]
     total = f"{frames} frames of {width} numbers make {frames * width}, the motion holds {size}"
-    if odd and len(odd) <= max(1, len(counts) // 10):  # one number a frame is missing or too many: say where
+    counts = [len(line.split()) for line in block.split("\n")]
+    odd = [(number, n) for number, n in enumerate(counts) if n not in (0, width)]
+    if len(odd) <= max(1, len(counts) // 10):  # not merely numbers wrapped over lines
         number, n = odd[0]
-        return SourceError(
-            path, f"this line has {n} numbers, the hierarchy has {width} channels ({total})", number
-        )
-    return SourceError(path, total, frames_line)
+        return f"this line has {n} numbers, the hierarchy has {width} channels ({total})", number
+    return total, None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imitor.motion.bvh_file import Node
+from imitor.motion.bvh_hierarchy import Node
 from imitor.types import Array
 
 _AXIS = {"X": 0, "Y": 1, "Z": 2}

@@ -41,7 +41,7 @@ FLOOR_TOLERANCE_M: Final = 0.03
 STILL_M_S: Final = 0.15
 FLAT_M: Final = 0.025
 LEVEL_M: Final = 0.04
-"""When a foot stands flat: slower than this, this low, and its points this near to each other's usual heights."""
+"""When a foot stands flat: slower than this, this low, and so level."""
 
 UP_AXES: Final[Mapping[str, Sequence[Sequence[float]]]] = {
     "x": ((0, 1, 0), (0, 0, 1), (1, 0, 0)),
@@ -67,7 +67,7 @@ def middle(position: Array, joint: str) -> Array:
 def unit_vector(vector: Array) -> Array:
     """Return vectors of length 1, shape (..., 3); zero stays zero."""
     length = np.linalg.norm(vector, axis=-1, keepdims=True)
-    return np.divide(vector, length, out=np.zeros_like(vector), where=length > 0.0)
+    return np.asarray(np.divide(vector, length, out=np.zeros_like(vector), where=length > 0.0))
 
 
 def snap_rate(frame_time_s: float) -> float:

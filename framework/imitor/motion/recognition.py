@@ -1,7 +1,7 @@
 """Which skeleton a file has: a card by name, the card that fits, or the roles read off the joints' names.
 
-Names alone are not trusted: ``LeftShoulder`` is a clavicle in one system and the shoulder joint in the next. A
-guess counts only when the tree confirms it: on either side a limb of the same lengths and human proportions.
+Names alone are not trusted: ``LeftShoulder`` is a clavicle in one system and the shoulder joint in the next.
+A guess counts only when the tree confirms it: the same lengths on either side, and human proportions.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import SourceError, did_you_mean
-from imitor.motion.bvh_file import Node
+from imitor.motion.bvh_hierarchy import Node
 from imitor.motion.skeletons import (
     MAIN_ROLES,
     NodeNames,
@@ -103,7 +103,9 @@ def guess_roles(nodes: Sequence[Node], position: Array) -> dict[str, int]:
     roles: dict[str, int] = {}
     for limb in (_LEG, _ARM):
         pair = {
-            s: _limb(nodes, position, [w if s == own else set() for w, own in zip(words, sides, strict=True)], limb)
+            s: _limb(
+                nodes, position, [w if s == own else set() for w, own in zip(words, sides, strict=True)], limb
+            )
             for s in SIDES
         }
         if all(pair.values()) and _mirrored(pair["left"], pair["right"], position):

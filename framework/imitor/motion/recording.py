@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from imitor.errors import SourceError
-from imitor.motion.bvh_file import Bvh, Node
-from imitor.motion.kinematics import Poses, forward_kinematics
+from imitor.motion.bvh_file import Bvh
+from imitor.motion.kinematics import Poses
 from imitor.motion.normalise import (
     ANKLE_FRACTION,
     FLOOR_TOLERANCE_M,
@@ -29,19 +29,20 @@ from imitor.motion.normalise import (
     snap_rate,
 )
 from imitor.motion.rest_pose import (
+    Motion,
     Reference,
     has_added_t_pose,
     is_t_pose,
     is_upright,
     rest_positions,
     rest_rotations,
-    role_positions,
     uprightness,
 )
+from imitor.motion.rig import Rig
 from imitor.motion.skeletons import SkeletonFit
 from imitor.types import N_ROLES, ROLE_INDEX, ROLES, Array, BoolArray, Skeleton
 
-HEAD_HEIGHT_FRACTION = 0.91
+HEAD_HEIGHT_FRACTION: Final = 0.91
 """Height of the skull's base as a fraction of stature [-], for skeletons without a head top."""
 
 
@@ -108,44 +109,33 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     rate_hz = snap_rate(bvh.frame_time_s)
     notes = [f"skeleton: {fit.name} ({fit.card.title})"]
     notes += [fit.card.notes] if fit.card.notes else []
-    chain = _chain(bvh.nodes, fit)
-    row = {node: i for i, node in enumerate(chain)}
-    poses = forward_kinematics(bvh.nodes, bvh.motion, chain)
-    zero = forward_kinematics(bvh.nodes, _zero_angles(bvh), chain)
-
-    up, clear = options.up, True
-    if up == "auto":
-        up, clear = find_up(
-            role_positions(poses.position, row, fit.points), role_positions(zero.position, row, fit.points)[0]
-        )
-    notes.append(
-        f"up axis of the file: {up}" + ("" if clear else " (uncertain: the body is never upright; set up)")
-    )
-    turn = np.array(UP_AXES[up], dtype=np.float64)
-    poses, zero = _turned(poses, turn), _turned(zero, turn)
-    position = role_positions(poses.position, row, fit.points)
+    rig = Rig(bvh.nodes, fit.points)
+    up = _up(rig, bvh, options, notes)
+    world = np.array(UP_AXES[up], dtype=np.float64)
+    poses, zero = rig.poses(bvh.motion, world), rig.poses(_zero_angles(bvh), world)
+    position = rig.roles(poses.position)
 
     added = has_added_t_pose(position)
     drop = added if options.drop_tpose is None else options.drop_tpose and len(position) > 1
-    reference = _reference(poses, zero, position, added or drop or len(position) == 1, row, fit)
+    reference = _reference(rig, poses, zero, added or drop or len(position) == 1)
     if drop:
         notes.append("frame 1 is an added T-pose: taken as the rest pose, not as motion")
         poses, position = Poses(poses.node, poses.position[1:], poses.rotation[1:]), position[1:]
     if reference.kind == "motion":
         notes.append("the zero angles are no human pose; the rest pose is built from the most upright frame")
 
-    def rest(flat: BoolArray | None = None) -> tuple[Array, Array]:
-        rotations = rest_rotations(bvh.nodes, chain, fit.points, reference, poses.rotation, flat, position)
-        return rotations, rest_positions(bvh.nodes, chain, fit.points, reference, rotations)
+    def rest(flat: BoolArray) -> tuple[Array, Array]:
+        rotations = rest_rotations(rig, reference, Motion(poses.rotation, position, flat))
+        return rotations, rest_positions(rig, reference, rotations)
 
-    size = _stature(rest()[1])
-    if not size > 0.0:
+    size = _stature(rest(np.zeros((len(position), 2), dtype=np.bool_))[1])
+    if not 0.0 < size < np.inf:
         raise SourceError(path, "the skeleton has no height: are the OFFSETs zero?")
     scale = _scale(size, fit, options)
-    position = position * scale.factor
-    stance = find_stance(position, rate_hz, size * scale.factor)
+    stance = find_stance(position * scale.factor, rate_hz, size * scale.factor)
     rotations, rest_position = rest(stance.flat)
     rest_position = rest_position * scale.factor
+    position = position * scale.factor
     height_m = size * scale.factor
     notes.append(_unit_note(scale, height_m, options))
 
@@ -187,21 +177,25 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
         skeleton,
         rate_hz,
         np.ascontiguousarray(position[first:last]),
-        _orientations(poses.rotation[first:last], rotations, row, fit),
+        _orientations(rig, poses.rotation[first:last], rotations),
         valid,
         facts,
     )
 
 
-def _chain(nodes: Sequence[Node], fit: SkeletonFit) -> list[int]:
-    """Return the nodes that roles need and their ancestors, parents first; the root is the first."""
-    needed = {0}
-    for point in fit.points.values():
-        for i in (point.start, point.end, point.turns_with):
-            while i >= 0 and i not in needed:
-                needed.add(i)
-                i = nodes[i].parent
-    return sorted(needed)
+def _up(rig: Rig, bvh: Bvh, options: ReadOptions, notes: list[str]) -> str:
+    up, clear = options.up, True
+    if up == "auto":
+        as_is = np.eye(3)
+        sample = bvh.motion[:: max(1, len(bvh.motion) // 500)]
+        up, clear = find_up(
+            rig.roles(rig.poses(sample, as_is).position),
+            rig.roles(rig.poses(_zero_angles(bvh), as_is).position)[0],
+        )
+    notes.append(
+        f"up axis of the file: {up}" + ("" if clear else " (uncertain: the body is never upright; set up)")
+    )
+    return up
 
 
 def _zero_angles(bvh: Bvh) -> Array:
@@ -210,20 +204,14 @@ def _zero_angles(bvh: Bvh) -> Array:
     return np.where([c.endswith("rotation") for c in names], 0.0, bvh.motion[:1])
 
 
-def _turned(poses: Poses, turn: Array) -> Poses:
-    return Poses(poses.node, poses.position @ turn.T, turn @ poses.rotation)
-
-
-def _reference(
-    poses: Poses, zero: Poses, position: Array, first_may_be: bool, row: dict[int, int], fit: SkeletonFit
-) -> Reference:
-    if first_may_be and is_t_pose(position[0]):
-        return Reference("tpose", poses.position[0], poses.rotation[0], position[0])
-    at_zero = role_positions(zero.position, row, fit.points)[0]
+def _reference(rig: Rig, poses: Poses, zero: Poses, first_may_be: bool) -> Reference:
+    roles, at_zero = rig.roles(poses.position), rig.roles(zero.position)[0]
+    if first_may_be and is_t_pose(roles[0]):
+        return Reference("tpose", poses.position[0], poses.rotation[0], roles[0])
     if is_upright(at_zero):
         return Reference("zero", zero.position[0], zero.rotation[0], at_zero)
-    best = int(np.argmax(uprightness(position)))
-    return Reference("motion", poses.position[best], poses.rotation[best], position[best])
+    best = int(np.argmax(uprightness(roles)))
+    return Reference("motion", poses.position[best], poses.rotation[best], roles[best])
 
 
 def _stature(rest: Array) -> float:
@@ -296,15 +284,15 @@ def _window(path: str | Path, frames: int, rate_hz: float, options: ReadOptions)
         stop = "its end" if options.stop_s is None else f"{options.stop_s:g} s"
         raise SourceError(
             path,
-            f"no frame lies between {options.start_s:g} s and {stop}; the motion lasts {(frames - 1) / rate_hz:.3f} s",
+            f"no frame lies between {options.start_s:g} s and {stop}; "
+            f"the motion lasts {(frames - 1) / rate_hz:.3f} s",
         )
     return first, last
 
 
-def _orientations(rotation: Array, rest: Array, row: dict[int, int], fit: SkeletonFit) -> Array:
+def _orientations(rig: Rig, rotation: Array, rest: Array) -> Array:
     """Return the rotations from the rest pose to each frame, shape (T, R, 3, 3)."""
     out = np.full((len(rotation), N_ROLES, 3, 3), np.nan)
-    for name, point in fit.points.items():
-        i = row[point.turns_with]
+    for name, i in rig.turn.items():
         out[:, ROLE_INDEX[name]] = rotation[:, i] @ rest[i].T
     return out

@@ -1,23 +1,23 @@
 """The rest pose: an upright T-pose that every recording gets, whatever the zero angles of its file mean.
 
-Zero angles are a T-pose in one file, legs spread or arms hanging in the next, and no human pose at all in a third.
-The rest pose is built from a reference (an added T-pose frame, else the zero angles if they are an upright human, else
-the most upright frame of the motion) and straightened: the body faces +x, legs point down, arms point sideways, the
-feet point ahead. Every joint's orientation is then relative to this pose, so that it means the same for all files.
+Zero angles are a T-pose in one file, legs spread or arms hanging in the next, and no human pose at all
+in a third. The rest pose is built from a reference (an added T-pose frame, else the zero angles if they
+are an upright human, else the most upright frame of the motion) and straightened: the body faces +x,
+legs point down, arms point sideways, feet point ahead with level soles. Every orientation is relative to
+this pose, so that it means the same for all files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from imitor.motion.bvh_file import Node
 from imitor.motion.normalise import lateral_axes, middle, role, toe_direction, unit_vector
-from imitor.motion.skeletons import RolePoint
-from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array, BoolArray
+from imitor.motion.rig import Rig
+from imitor.types import SIDES, Array, BoolArray
 
 MIN_FLAT_FRAMES: Final = 5
 
@@ -32,8 +32,23 @@ _LIMBS: Final = (
 
 
 @dataclass(frozen=True)
+class Motion:
+    """A clip in a world with z up.
+
+    Attributes:
+        rotation: World from node axes, shape (T, W, 3, 3).
+        roles: Role positions, shape (T, R, 3).
+        flat: Frames in which the feet stand flat, shape (T, 2); left, right.
+    """
+
+    rotation: Array
+    roles: Array
+    flat: BoolArray
+
+
+@dataclass(frozen=True)
 class Reference:
-    """One pose of the nodes in a world with z up.
+    """One pose of the chain in a world with z up.
 
     Attributes:
         kind: ``tpose`` (an added frame), ``zero`` (zero angles) or ``motion`` (the most upright frame).
@@ -49,11 +64,11 @@ class Reference:
 
 
 _FOOT_AIM: Final = np.array([np.sqrt(1.0 - 0.33**2), 0.0, -0.33])
-"""Direction from ankle to toe joint of a foot that stands flat, pointing ahead: a slope of about 19 degrees."""
+"""Usual direction from ankle to toe joint of a foot that stands flat: a slope of about 19 degrees."""
 
 
 def uprightness(position: Array) -> Array:
-    """Return how upright bodies stand: the least cosine of trunk, thighs and shanks with the vertical, shape (...)."""
+    """Return how upright bodies stand, shape (...): least cosine of trunk and legs with the vertical."""
     trunk = unit_vector(role(position, "neck") - middle(position, "hip"))[..., 2]
     legs = [
         unit_vector(role(position, f"{side}_{a}") - role(position, f"{side}_{b}"))[..., 2]
@@ -69,7 +84,7 @@ def is_upright(position: Array) -> bool:
     shoulders = unit_vector(role(position, "left_shoulder") - role(position, "right_shoulder"))
     head = role(position, "head") - role(position, "neck")
     return bool(
-        uprightness(position) > 0.85
+        float(uprightness(position)) > 0.85
         and hips @ shoulders > 0.85
         and abs(hips[2]) < 0.3
         and unit_vector(head)[2] > 0.6
@@ -84,14 +99,14 @@ def is_t_pose(position: Array) -> bool:
         for side, sign in (("left", 1.0), ("right", -1.0))
         for a, b in (("shoulder", "elbow"), ("elbow", "wrist"))
     ]
-    return is_upright(position) and min(arms) > 0.85
+    return is_upright(position) and bool(min(arms) > 0.85)
 
 
 def has_added_t_pose(position: Array) -> bool:
     """Tell whether the first frame is a T-pose that is no part of the motion: a T-pose and then a jump.
 
-    A jump is a step of some joint three times as long as the fastest of the motion, and longer than an eighth of the
-    leg.
+    A jump is a step of some joint three times as long as the fastest of the motion, and longer than an eighth
+    of the leg.
     """
     if len(position) < 3 or not is_t_pose(position[0]):
         return False
@@ -102,105 +117,51 @@ def has_added_t_pose(position: Array) -> bool:
     return bool(step[0] > max(leg / 8.0, 3.0 * np.quantile(step[1:], 0.99)))
 
 
-def rest_rotations(
-    nodes: Sequence[Node],
-    chain: Sequence[int],
-    points: Mapping[str, RolePoint],
-    reference: Reference,
-    rotation: Array,
-    flat: BoolArray | None = None,
-    position: Array | None = None,
-) -> Array:
-    """Return the nodes' rotations in the rest pose, world from node axes, shape (W, 3, 3).
+def rest_rotations(rig: Rig, reference: Reference, motion: Motion) -> Array:
+    """Return the rotations of the chain in the rest pose, world from node axes, shape (W, 3, 3).
 
     Args:
-        nodes: The file's tree.
-        chain: The nodes computed, parents before children, shape (W,).
-        points: Role to place in the tree.
+        rig: The tree with its roles.
         reference: The pose to straighten.
-        rotation: Rotations of the motion, z up, shape (T, W, 3, 3).
-        flat: Frames in which the feet stand flat, shape (T, 2); their mean levels the soles. Optional.
-        position: Role positions of the motion, shape (T, R, 3), with ``flat``.
+        motion: The motion; its flat feet level the soles.
     """
-    row = {node: i for i, node in enumerate(chain)}
-    turn = {name: row[point.turns_with] for name, point in points.items()}
     facing = _facing(reference.roles)
     correction: dict[int, Array] = {0: facing}
     if reference.kind == "motion":
-        _straighten_trunk(correction, turn, reference, rotation)
-
-    def inherited(i: int) -> Array:
-        while i not in correction:
-            i = row[nodes[chain[i]].parent]
-        return correction[i]
-
+        _straighten_trunk(correction, rig, reference, motion.rotation)
     for side, y in zip(SIDES, (1.0, -1.0), strict=True):
         for start, end, aim in _LIMBS:
             direction = role(reference.roles, f"{side}_{end}") - role(reference.roles, f"{side}_{start}")
-            if f"{side}_{start}" in turn and direction @ direction > 0.0:  # false for NaN
-                i = turn[f"{side}_{start}"]
-                base = inherited(i)
+            if f"{side}_{start}" in rig.turn and direction @ direction > 0.0:  # false for NaN
+                i = rig.turn[f"{side}_{start}"]
+                base = _inherited(correction, rig, i)
                 correction[i] = _shortest(base @ unit_vector(direction), np.array(aim) * (1.0, y, 1.0)) @ base
     for i, side in enumerate(SIDES):
-        ankle = f"{side}_ankle"
-        if ankle not in turn:
-            continue
-        level = None
-        if flat is not None and position is not None:
-            level = _level_foot(rotation[:, turn[ankle]], position, side, flat[:, i])
-        ahead = toe_direction(reference.roles, side)
+        ankle = rig.turn[f"{side}_ankle"]
+        correction[ankle] = _foot(reference, facing, side)
+        level = _level_foot(motion, ankle, i)
         if level is not None:
-            correction[turn[ankle]] = level @ reference.rotation[turn[ankle]].T
-        elif ahead is not None:
-            correction[turn[ankle]] = _yaw(-np.arctan2(ahead[1], ahead[0]))
-            if reference.kind == "motion":  # the foot may stand on its toes in that frame
-                now = unit_vector(correction[turn[ankle]] @ ahead)
-                correction[turn[ankle]] = _shortest(now, _FOOT_AIM) @ correction[turn[ankle]]
-        else:
-            correction[turn[ankle]] = facing
-    rest = np.empty_like(reference.rotation)
-    applied = np.empty_like(reference.rotation)
-    for i, node in enumerate(chain):
-        parent = row.get(nodes[node].parent)
-        applied[i] = correction.get(i, facing if parent is None else applied[parent])
-        rest[i] = applied[i] @ reference.rotation[i]
-    return rest
+            correction[ankle] = level @ reference.rotation[ankle].T
+    return np.stack(
+        [_inherited(correction, rig, i) @ rotation for i, rotation in enumerate(reference.rotation)]
+    )
 
 
-def rest_positions(
-    nodes: Sequence[Node],
-    chain: Sequence[int],
-    points: Mapping[str, RolePoint],
-    reference: Reference,
-    rest: Array,
-) -> Array:
-    """Return the role positions in the rest pose, shape (R, 3): the middle of the hips at the origin."""
-    row = {node: i for i, node in enumerate(chain)}
-    place = np.zeros((len(chain), 3))
-    for i, node in enumerate(chain):
-        parent = row.get(nodes[node].parent)
-        if parent is not None:
+def rest_positions(rig: Rig, reference: Reference, rest: Array) -> Array:
+    """Return the role positions in the rest pose, shape (R, 3): the middle of the hips at the origin.
+
+    Args:
+        rig: The tree with its roles.
+        reference: Any pose of the same body.
+        rest: Rotations of the chain in the rest pose, shape (W, 3, 3).
+    """
+    place = np.zeros_like(reference.position)
+    for i, parent in enumerate(rig.parent):
+        if parent >= 0:
             local = reference.rotation[parent].T @ (reference.position[i] - reference.position[parent])
             place[i] = place[parent] + rest[parent] @ local
-    roles = role_positions(place[None], row, points)[0]
-    return roles - middle(roles, "hip")
-
-
-def role_positions(position: Array, row: Mapping[int, int], points: Mapping[str, RolePoint]) -> Array:
-    """Return role positions, shape (T, R, 3), from node positions, shape (T, W, 3).
-
-    The pelvis is the middle of the hips, unless its place is a line of its own.
-    """
-    out = np.full((len(position), N_ROLES, 3), np.nan)
-    for name, point in points.items():
-        start = position[:, row[point.start]]
-        if point.end != point.start:
-            start = start + point.at * (position[:, row[point.end]] - start)
-        out[:, ROLE_INDEX[name]] = start
-    pelvis = points.get("pelvis")
-    if pelvis is None or pelvis.end == pelvis.start:
-        out[:, ROLE_INDEX["pelvis"]] = middle(out, "hip")
-    return out
+    roles = rig.roles(place[None])[0]
+    return np.asarray(roles - middle(roles, "hip"))
 
 
 def mean_rotation(rotations: Array) -> Array:
@@ -217,31 +178,50 @@ def _facing(roles: Array) -> Array:
     return _yaw(-np.arctan2(-lateral[0], lateral[1]))
 
 
-def _straighten_trunk(
-    correction: dict[int, Array], turn: Mapping[str, int], reference: Reference, rotation: Array
-) -> None:
+def _inherited(correction: Mapping[int, Array], rig: Rig, i: int) -> Array:
+    """Return the correction of a row, or of its nearest ancestor that has one; the root always has."""
+    while i not in correction:
+        i = rig.parent[i]
+    return correction[i]
+
+
+def _straighten_trunk(correction: dict[int, Array], rig: Rig, reference: Reference, rotation: Array) -> None:
     """Set pelvis, chest, neck and head upright for a reference that is a frame of the motion."""
     roles = reference.roles
     trunk = unit_vector(role(roles, "neck") - middle(roles, "hip"))
-    for name, joint in (("pelvis", "hip"), ("chest", "shoulder")):
+    pelvis = rig.turn["pelvis"]
+    chest = rig.turn.get("chest", pelvis)
+    for i, joint in ((pelvis, "hip"), (chest, "shoulder")):
         lateral = role(roles, f"left_{joint}") - role(roles, f"right_{joint}")
         y = unit_vector(lateral - trunk * (trunk @ lateral))
-        correction[turn.get(name, 0)] = np.array([np.cross(y, trunk), y, trunk])
-    correction[0] = correction[turn["pelvis"]]
-    chest = turn.get("chest", turn["pelvis"])
+        correction[i] = np.array([np.cross(y, trunk), y, trunk])
+    correction[0] = correction[pelvis]
     upright = correction[chest] @ reference.rotation[chest]
     for name in ("neck", "head"):
-        relative = mean_rotation(np.swapaxes(rotation[:, chest], 1, 2) @ rotation[:, turn[name]])
-        if turn[name] != chest:
-            correction[turn[name]] = upright @ relative @ reference.rotation[turn[name]].T
+        i = rig.turn[name]
+        if i != chest:  # nothing tells how a head is turned but that it looks ahead on the whole
+            relative = mean_rotation(np.swapaxes(rotation[:, chest], 1, 2) @ rotation[:, i])
+            correction[i] = upright @ relative @ reference.rotation[i].T
 
 
-def _level_foot(rotation: Array, position: Array, side: str, flat: BoolArray) -> Array | None:
-    """Return the mean rotation of a foot that stands flat, turned to point along +x; None with too few frames."""
-    ahead = toe_direction(position[flat], side)
+def _foot(reference: Reference, facing: Array, side: str) -> Array:
+    """Return the correction of a foot whose level is unknown: it points ahead and keeps its slope."""
+    ahead = toe_direction(reference.roles, side)
+    if ahead is None:
+        return facing
+    turn = _yaw(-np.arctan2(ahead[1], ahead[0]))
+    if reference.kind == "motion":  # in that frame the foot may stand on its toes
+        turn = _shortest(turn @ unit_vector(ahead), _FOOT_AIM) @ turn
+    return turn
+
+
+def _level_foot(motion: Motion, ankle: int, side: int) -> Array | None:
+    """Return the mean rotation of a flat foot, turned to point along +x; None with too few frames."""
+    flat = motion.flat[:, side]
+    ahead = toe_direction(motion.roles[flat], SIDES[side])
     if ahead is None or len(ahead) < MIN_FLAT_FRAMES:
         return None
-    return mean_rotation(_yaw(-np.arctan2(ahead[:, 1], ahead[:, 0])) @ rotation[flat])
+    return mean_rotation(_yaw(-np.arctan2(ahead[:, 1], ahead[:, 0])) @ motion.rotation[flat, ankle])
 
 
 def _yaw(angle: Array | float) -> Array:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from imitor.motion.bvh_file import Node
+from imitor.motion.bvh_hierarchy import Node
 from imitor.motion.kinematics import Poses, ancestry, forward_kinematics
 from imitor.motion.normalise import middle
 from imitor.motion.skeletons import RolePoint

@@ -1,7 +1,8 @@
 """Skeleton cards: which joint of a file is which point of the human, and which card fits a file.
 
 A card is a YAML file; `SkeletonCard` is its schema. Names are compared without a namespace
-(``mixamorig:Hips``), a prefix that all joints share (``Character1_Hips``), upper case, blanks, ``.``, ``_`` and ``-``.
+(``mixamorig:Hips``), a prefix that all joints share (``Character1_Hips``), upper case, blanks, ``.``, ``_``
+and ``-``.
 """
 
 from __future__ import annotations
@@ -16,7 +17,8 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from imitor.errors import Problem, SpecError, did_you_mean
-from imitor.motion.bvh_file import Node
+from imitor.motion.bvh_hierarchy import Node
+from imitor.motion.normalise import UNITS
 from imitor.types import ROLES, SIDES
 
 _SIDED: Final = tuple(r.removeprefix("left_") for r in ROLES if r.startswith("left_"))
@@ -38,7 +40,9 @@ class Between(BaseModel):
     start: str = Field(alias="from", description="Joint where the line starts.")
     end: str = Field(alias="to", description="Joint where the line ends.")
     at: float = Field(default=0.5, description="Place on the line, 0 at its start and 1 at its end [-].")
-    turns_with: str = Field(default="", description="Joint whose rotation the point has; the start by default.")
+    turns_with: str = Field(
+        default="", description="Joint whose rotation the point has; the start by default."
+    )
 
 
 PointSpec = Annotated[
@@ -59,7 +63,7 @@ class SkeletonCard(BaseModel):
     roles: dict[str, PointSpec] = Field(description="Role to joint.")
     sides: dict[str, str] = Field(default={}, description="Words that replace {side} for left and right.")
     marks: list[str] = Field(
-        [], description="Joints that tell this skeleton from its relatives; all must be there."
+        default=[], description="Joints that tell this skeleton from its relatives; all must be there."
     )
     unit: str = Field(default="", description="Unit that such files usually have; tried first.")
     notes: str = Field(default="", description="What a reader should know; printed in the report.")
@@ -71,6 +75,8 @@ class SkeletonCard(BaseModel):
             if role not in legal:
                 hint = did_you_mean(role, legal)
                 raise ValueError(f"no role is called '{role}'" + (f"; {hint}" if hint else ""))
+        if self.unit and self.unit not in UNITS:
+            raise ValueError(f"no unit is called '{self.unit}'; legal are {', '.join(UNITS)}")
         missing = [r for r in MAIN_ROLES if r not in self.expanded()]
         if missing:
             raise ValueError(f"roles are missing: {', '.join(missing)}")

@@ -334,7 +334,9 @@ class RobotModel:
         base, frame = data.oMi[1], data.oMf[self._role_frame[role]]
         placed = pin.SE3(pose) * frame.inverse() * base
         q[:3] = placed.translation
-        q[3:7] = pin.Quaternion(placed.rotation).coeffs()
+        quaternion = pin.Quaternion(placed.rotation)
+        quaternion.normalize()  # or rounding errors would grow from frame to frame
+        q[3:7] = quaternion.coeffs()
         self.update(q)
 
     def integrate(self, q: Array, v: Array) -> Array:

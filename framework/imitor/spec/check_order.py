@@ -107,9 +107,11 @@ def _human(
 
 def _tasks(stages: Sequence[Entry], document: Document) -> Iterator[Problem]:
     declared: dict[str, TaskKind] = {}
+    mapped = False
     for stage in stages:
         cls = stage.component
-        if "mapper" in (s.kind for s in stages):
+        mapped |= stage.kind == "mapper"
+        if mapped:  # else that is the problem, and already told
             for task in sorted(getattr(cls, "needs_tasks", frozenset()) - declared.keys()):
                 yield _at(stage, document, f"needs the task '{task}', which no stage before it declares")
             if stage.kind == "solver":

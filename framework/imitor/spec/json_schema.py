@@ -1,7 +1,7 @@
-"""The JSON Schema of a pipeline, for editors: completion, hover texts and red lines while writing YAML.
+"""The JSON Schema of a pipeline, for editors: completion, hover texts and red lines while writing.
 
-``python -m imitor.spec.json_schema`` writes the schema of the built-in plugins beside the presets, where their
-first line finds it: ``# yaml-language-server: $schema=imitor.schema.json``.
+``python -m imitor.spec.json_schema`` writes the schema of the built-in plugins beside the presets, whose
+first line names it: ``# yaml-language-server: $schema=imitor.schema.json``.
 """
 
 from __future__ import annotations

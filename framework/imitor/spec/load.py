@@ -97,9 +97,7 @@ class _Loader:
         if isinstance(robot, str):
             robot, problems = check_robot(robot, self.document, self.registry, self.path and self.path.parent)
             self.problems += problems
-        source = (
-            self.single("source", data["source"], "source") if isinstance(data.get("source"), dict) else None
-        )
+        source = self.single("source", data["source"], "source") if "source" in data else None
         stages, sinks = self.group(data, "stages"), self.group(data, "sinks")
         if isinstance(data.get("stages"), list) and len(stages) == len(data["stages"]):
             self.problems += check_order(source, stages, self.document, self.registry)

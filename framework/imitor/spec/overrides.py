@@ -5,17 +5,19 @@ The document itself is changed before it is validated, so that file and command 
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
+
+from pydantic import ValidationError
 
 from imitor.errors import Problem
 from imitor.kinds import STAGE_KINDS, Config, Source
 from imitor.registry import Registry
 from imitor.spec.cards import hint_for, known
 from imitor.spec.document import Document, Loc
-from imitor.spec.translate import validate
 from imitor.spec.yaml_marks import parse_value
 
 _TOP_LEVEL: Final = ("robot", "rate_hz", "settle_s", "seed")
@@ -119,23 +121,28 @@ def swap(document: Document, text: str, registry: Registry, dropped: list[str]) 
     if kind != "source" and "id" not in entry:
         document.override((*loc, "id"), ident, origin)
     options = {k: v for k, v in entry.items() if k not in _RESERVED}
-    gone = _unfit(registry.get(kind, name).config_type, options, document, loc)
-    for option in gone:
-        del entry[option]
-    if gone:
-        dropped.append(
-            f"{origin}: dropped {', '.join(gone)}; '{name}' has no such option, or no such value ('{old}')"
-        )
+    unknown, unfit = _unfit(registry.get(kind, name).config_type, options)
+    for gone, why in (
+        (unknown, "has no such option"),
+        (unfit, f"does not take the value it had for '{old}'"),
+    ):
+        for option in gone:
+            del entry[option]
+        if gone:
+            dropped.append(f"{origin}: dropped {', '.join(gone)}; '{name}' {why}")
     return []
 
 
-def _unfit(config: type[Config], options: dict[str, Any], document: Document, loc: Loc) -> list[str]:
-    """Return the options that a plugin does not have or whose values it does not take."""
+def _unfit(config: type[Config], options: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Return the options that a plugin does not have, and those whose values it does not take."""
     unknown = [k for k in options if k not in config.model_fields]
     kept = {k: v for k, v in options.items() if k in config.model_fields}
-    _, problems = validate(config, kept, document, loc)
-    wrong = {p.where.split(".", 1)[-1].split(".")[0].split("[")[0] for p in problems}
-    return [k for k in options if k in unknown or k in (wrong & kept.keys())]
+    wrong: set[Any] = set()
+    try:
+        config.model_validate_json(json.dumps(kept), strict=True)
+    except ValidationError as error:
+        wrong = {fault["loc"][0] for fault in error.errors() if fault["loc"]}
+    return unknown, [k for k in kept if k in wrong]
 
 
 def set_option(document: Document, text: str, registry: Registry) -> list[Problem]:

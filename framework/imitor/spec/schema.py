@@ -33,7 +33,7 @@ class PipelineDocument(BaseModel):
     environment: list[dict[str, Any]] = Field(
         [], description="Objects around the robot: boxes, cylinders, meshes, drawers."
     )
-    source: dict[str, Any] = Field(description="Where human motion comes from: {use: NAME, ...options}.")
+    source: Any = Field(description="Where human motion comes from: {use: NAME, ...options}.")
     stages: list[Any] = Field(description="Stages in order: {KIND: NAME, ...options}.")
     sinks: list[Any] = Field([], description="Where results go: {use: NAME, ...options}.")
 
@@ -101,7 +101,7 @@ class PipelineSpec:
         data["stages"] = [{s.kind: s.name, "id": s.id, **s.options()} for s in self.stages]
         data["sinks"] = [{"use": s.name, "id": s.id, **s.options()} for s in self.sinks]
         text: str = yaml.dump(
-            _escaped(data),
+            escaped(data),
             Dumper=_Dumper,
             sort_keys=False,
             default_flow_style=None,
@@ -111,12 +111,13 @@ class PipelineSpec:
         return text
 
 
-def _escaped(data: Any) -> Any:
+def escaped(data: Any) -> Any:
+    """Return data whose texts read back as they are: ``${`` is no substitution."""
     if isinstance(data, str):
         return escape(data)
     if isinstance(data, dict):
-        return {key: _escaped(value) for key, value in data.items()}
-    return [_escaped(item) for item in data] if isinstance(data, list) else data
+        return {key: escaped(value) for key, value in data.items()}
+    return [escaped(item) for item in data] if isinstance(data, list) else data
 
 
 class _Dumper(yaml.SafeDumper):

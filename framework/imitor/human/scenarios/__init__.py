@@ -10,10 +10,11 @@ import numpy as np
 
 from imitor.human.body import Body
 from imitor.human.choreography import Choreography
+from imitor.human.masses import full_weights
 from imitor.human.performance import Truth, joint_angles, mirrored, perform
 from imitor.human.scenarios import balancing, hands, standing, stepping
 from imitor.human.scenarios.scenario import Options, Scenario
-from imitor.types import ROLE_INDEX, Array
+from imitor.types import N_ROLES, Array
 
 SCENARIOS: Final[Mapping[str, Scenario]] = MappingProxyType(
     {s.name: s for module in (standing, stepping, balancing, hands) for s in module.SCENARIOS}
@@ -48,8 +49,6 @@ def _rest(body: Body, time_s: Array) -> Truth:
     """Hold the rest pose exactly: the T-pose that captures begin with."""
     n = len(time_s)
     position = np.tile(body.rest, (n, 1, 1))
-    orientation = np.tile(np.eye(3), (n, len(ROLE_INDEX), 1, 1))
-    from imitor.human.masses import full_weights
-
-    com = np.tensordot(position, full_weights(body.sex), axes=(1, 0))
+    orientation = np.tile(np.eye(3), (n, N_ROLES, 1, 1))
+    com = np.asarray(np.tensordot(position, full_weights(body.sex), axes=(1, 0)))
     return Truth(time_s, position, orientation, np.ones((n, 2), dtype=bool), com, joint_angles(orientation))

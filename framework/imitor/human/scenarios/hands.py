@@ -32,7 +32,7 @@ def hand_updown(score: Choreography, options: Options) -> None:
     amplitude = 0.10 * H
     arm = arm_length(score)
     pulse = options.hand_speed_m_s / options.speed / amplitude
-    hand = np.tile([0.70 * arm, 0.11 * H, shoulder_height(score) - 0.16 * H], (len(t), 1))
+    hand = np.tile([0.64 * arm, 0.11 * H, shoulder_height(score) - 0.16 * H], (len(t), 1))
     hand[:, 2] += amplitude * swing * np.sin(pulse * (t - 0.5 * T))
     score.reaches["left"] = Reach(reach, hand, np.full(len(t), rad(-82)), np.array([-0.3, 0.5, -0.8]))
     score.head[:, 1] += rad(6) * reach
@@ -63,7 +63,15 @@ def open_close_drawer(score: Choreography, options: Options) -> None:
 
 
 SCENARIOS: Final = (
-    Scenario("hand_updown", "one hand up and down before the body at a given speed", 12.0, hand_updown, "right",
-             least_s=8.0),
-    Scenario("open_close_drawer", "both hands grasp a drawer's handle, pull and push it", 11.0, open_close_drawer),
-)  # fmt: skip
+    Scenario(
+        "hand_updown",
+        "one hand up and down before the body at a given speed",
+        12.0,
+        hand_updown,
+        "right",
+        least_s=8.0,
+    ),
+    Scenario(
+        "open_close_drawer", "both hands grasp a drawer's handle, pull and push it", 11.0, open_close_drawer
+    ),
+)

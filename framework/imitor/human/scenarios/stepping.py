@@ -24,7 +24,7 @@ def _step_length(score: Choreography, options: Options, own: float) -> float:
 
 
 def step_forward(score: Choreography, options: Options) -> None:
-    """Shift the weight, lift the leading foot high, set it ahead, and stand with the weight between the feet."""
+    """Shift the weight, lift the leading foot high, set it ahead, and stand between the feet."""
     length = _step_length(score, options, 0.18)
     score.step(
         "left",
@@ -43,7 +43,7 @@ def step_forward(score: Choreography, options: Options) -> None:
 
 
 def two_steps_and_reach(score: Choreography, options: Options) -> None:
-    """Step forward with one foot, bring up the other beside it, and reach far ahead with the other side's hand."""
+    """Step forward with one foot, bring up the other, and reach far ahead with that side's hand."""
     t, H = score.time, score.height
     length = _step_length(score, options, 0.20)
     style = {"height": 0.085 * H, "roll_off": rad(20), "strike": rad(8)}
@@ -53,9 +53,18 @@ def two_steps_and_reach(score: Choreography, options: Options) -> None:
     end = score.between(7.0)
     ahead = end + np.array([0.020 * H, -0.008 * H])
     score.lead_com(
-        [(0.3, score.between(0.0)), (1.6, first), (3.2, first), (4.8, second), (6.4, second), (7.6, end), (9.2, ahead),
-         (10.0, ahead), (11.6, end)]
-    )  # fmt: skip
+        [
+            (0.3, score.between(0.0)),
+            (1.6, first),
+            (3.2, first),
+            (4.8, second),
+            (6.4, second),
+            (7.6, end),
+            (9.2, ahead),
+            (10.0, ahead),
+            (11.6, end),
+        ]
+    )
     score.swing_arms(0.8)
     score.lean_with_weight()
     lean = plateau(t, 7.5, 9.2, 10.0, 11.6)
@@ -120,7 +129,7 @@ def walk(score: Choreography, options: Options) -> None:
     score.swing_arms(1.15)
     score.lean_with_weight(0.9)
     score.pelvis[:, 1] += rad(2) * plateau(t, 0.6, 1.6, T - 1.6, T - 0.6)
-    score.drop += 0.006 * H * plateau(t, 0.4, 1.2, T - 1.4, T - 0.5)
+    score.drop += 0.008 * H * plateau(t, 0.4, 1.2, T - 1.4, T - 0.5)
 
 
 SCENARIOS: Final = (
