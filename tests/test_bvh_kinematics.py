@@ -37,7 +37,8 @@ asf_amc = _load("asf_amc")
 def walk(nodes: Sequence[Node], row: Array) -> tuple[Array, Array]:
     """Positions and rotations of one frame, written as the format is defined."""
     values = iter(row)
-    places, turns = [], []
+    places: list[Array] = []
+    turns: list[Array] = []
     for node in nodes:
         place, turn = node.offset.copy(), np.eye(3)
         for channel in node.channels:

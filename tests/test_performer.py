@@ -338,6 +338,12 @@ def test_an_impossible_step_is_refused() -> None:
         play("step_forward", small, Options(step_length_m=0.8), RATE_HZ)
 
 
+def test_an_arm_that_cannot_fold_is_refused() -> None:
+    odd = Body(ratios={"upper_arm": 2.0, "forearm": 0.5})
+    with pytest.raises(ImitorError, match="cannot fold that far; make them more alike"):
+        play("hand_updown", odd, Options(), RATE_HZ)
+
+
 def test_an_unknown_segment_is_refused() -> None:
     with pytest.raises(ImitorError, match="no segment is called 'thig'; did you mean 'thigh'"):
         Body(ratios={"thig": 1.1})

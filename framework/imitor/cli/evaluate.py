@@ -9,6 +9,7 @@ import argparse
 import json
 from pathlib import Path
 
+from imitor.cli import common
 from imitor.cli.quality_table import quality_table
 from imitor.errors import ImitorError
 
@@ -17,6 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of the command."""
     parser.add_argument("dir", metavar="DIR", type=Path, help="folder that a run has written")
     parser.add_argument("--json", action="store_true", help="print JSON")
+    common.add_without(parser)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -27,6 +29,6 @@ def execute(args: argparse.Namespace) -> int:
         )
     from imitor.metrics import evaluate_dir
 
-    metrics = evaluate_dir(args.dir)
+    metrics = evaluate_dir(args.dir, common.make_registry(args.without))
     print(json.dumps(metrics, indent=2) if args.json else quality_table(metrics))
     return 0

@@ -6,14 +6,16 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
-from imitor.cli.tables import table
+from imitor.cli.tables import plural, table
 
 _UNITS: Final = {
+    "_rad_s3": "rad/s³",
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
     "_m_s2": "m/s²",
     "_m_s": "m/s",
     "_percent": "%",
+    "_frames": "frames",
     "_rad": "rad",
     "_deg": "°",
     "_mm": "mm",
@@ -31,9 +33,10 @@ _SMALL: Final = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
 _MAIN: Final = ("value", "mean", "count")
 """Statistics that go into the first column of numbers."""
 MOST_ROWS: Final = 40
+"""Of the short table."""
 
 
-def quality_table(metrics: Mapping[str, Any], most: int = MOST_ROWS) -> str:
+def quality_table(metrics: Mapping[str, Any], *, short: bool = False) -> str:
     """Return the figures of ``metrics.json`` as a table: figure, value, maximum, unit, the rest.
 
     A figure is a number, or a mapping of statistics with ``frames``; any other mapping is a group of figures.
@@ -41,16 +44,20 @@ def quality_table(metrics: Mapping[str, Any], most: int = MOST_ROWS) -> str:
 
     Args:
         metrics: Content of ``metrics.json``: the figures, or ``figures`` among facts about the run.
-        most: Show no more rows than this.
+        short: Leave out the parts of which there is a whole (of ``error_m``: ``error_left_hand_m``).
     """
     figures = metrics.get("figures", metrics)
     rows = list(_rows(figures if isinstance(figures, Mapping) else {}, ""))
     if not rows:
         return "nothing was measured"
+    most = len(rows)
+    if short:
+        rows.sort(key=lambda row: _is_part(row[0], rows))
+        most = min(sum(not _is_part(row[0], rows) for row in rows), MOST_ROWS)
     shown = [["figure", "value", "max", "unit", ""], *rows[:most]]
     text = table(shown, right=(1, 2))
     if len(rows) > most:
-        text += f"\n  and {len(rows) - most} more figures in metrics.json"
+        text += f"\n  and {plural(len(rows) - most, 'more figure')} in metrics.json"
     return text
 
 
@@ -66,6 +73,10 @@ def _rows(figures: Mapping[str, Any], group: str) -> Iterator[list[str]]:
                 yield _row(name, unit, figure)
         else:
             yield from _rows(figure, f"{group} {words(str(key))}".strip())
+
+
+def _is_part(name: str, rows: list[list[str]]) -> bool:
+    return any(name.startswith(f"{row[0]} ") for row in rows)
 
 
 def _row(name: str, unit: str, figure: Mapping[str, Any]) -> list[str]:

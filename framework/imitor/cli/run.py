@@ -101,7 +101,7 @@ def _report(result: Any, *, quiet: bool) -> None:
     if quiet:
         return
     if result.metrics:
-        print(f"measured quality\n{quality_table(result.metrics)}")
+        print(f"measured quality\n{quality_table(result.metrics, short=True)}")
     print(f"{result.frames} frames in {result.out_dir}")
     for path in result.files:
         print(f"  {path.relative_to(result.out_dir) if path.is_relative_to(result.out_dir) else path}")

@@ -61,7 +61,7 @@ def _robot(name: str, registry: Registry) -> str:
     from imitor.robot.card import load_card
     from imitor.robot.describe import describe
 
-    return f"robot {name}\n\n{describe(load_card(name, registry))}".rstrip()
+    return f"robot {describe(load_card(name, registry))}"
 
 
 def _preset(name: str, path: Path, registry: Registry) -> str:

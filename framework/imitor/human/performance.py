@@ -64,7 +64,7 @@ def perform(score: Choreography, time_s: Array) -> Truth:
         time_s: Times of the frames as published (T,) [s].
 
     Raises:
-        ImitorError: A foot is led out of the legs' reach.
+        ImitorError: A foot or hand is led where legs and arms of these lengths cannot reach.
     """
     figure = Figure(score)
     weights = masses.full_weights(score.body.sex)
@@ -98,6 +98,16 @@ def _check_reach(position: Array, body: Body, time_s: Array) -> None:
                 f"performer: at t={time_s[i]:.2f} s the {side} foot would be {reach[i]:.2f} m from the hip, "
                 f"but the leg is {longest:.2f} m long; ask for shorter steps (step_length_m) or a taller "
                 f"performer (height_m)"
+            )
+        upper, fore = body.length("upper_arm"), body.length("forearm")
+        arm = position[:, ROLE_INDEX[f"{side}_wrist"]] - position[:, ROLE_INDEX[f"{side}_shoulder"]]
+        reach = np.sqrt(np.einsum("ti,ti->t", arm, arm))
+        if reach.min() < abs(upper - fore) - 1e-9:
+            i = int(reach.argmin())
+            raise ImitorError(
+                f"performer: at t={time_s[i]:.2f} s the {side} wrist would be {reach[i]:.2f} m from the "
+                f"shoulder, but upper arm {upper:.2f} m and forearm {fore:.2f} m cannot fold that far; "
+                "make them more alike (segment_ratios)"
             )
 
 

@@ -55,7 +55,8 @@ def com_margin(run: Run) -> dict[str, Outcome]:
     "zmp_margin_{support}_support_m",
     unit="m",
     formula="the same for the ZMP of the cart-table model [kajita2003] p = c − (c_z / g) c̈, with the central "
-    f"difference c̈ = (c(t+h) − 2 c(t) + c(t−h)) / h², which smooths too; h = {SMOOTHING_S} s, or one frame",
+    "difference c̈ = (c(t+h) − 2 c(t) + c(t−h)) / h², which smooths too; h is the number of frames nearest to "
+    f"{SMOOTHING_S} s, at least one",
     better="higher",
     about="Dynamic balance of a point mass at the CoM, without angular momentum and vertical acceleration.",
     members=_SUPPORTS,

@@ -10,7 +10,7 @@ import numpy as np
 
 from imitor.errors import SourceError
 from imitor.motion.bvh_file import Bvh
-from imitor.motion.kinematics import Poses
+from imitor.motion.kinematics import Poses, ancestry
 from imitor.motion.normalise import (
     ANKLE_FRACTION,
     FLOOR_TOLERANCE_M,
@@ -119,7 +119,7 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     drop = added if options.drop_tpose is None else options.drop_tpose and len(position) > 1
     reference = _reference(rig, poses, zero, added or drop or len(position) == 1)
     if drop:
-        notes.append("frame 1 is an added T-pose: taken as the rest pose, not as motion")
+        notes.append("frame 1 is an added T-pose and no motion: dropped")
         poses, position = Poses(poses.node, poses.position[1:], poses.rotation[1:]), position[1:]
     if reference.kind == "motion":
         notes.append("the zero angles are no human pose; the rest pose is built from the most upright frame")
@@ -127,6 +127,8 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     def rest(flat: BoolArray) -> tuple[Array, Array]:
         rotations = rest_rotations(rig, reference, Motion(poses.rotation, position, flat))
         return rotations, rest_positions(rig, reference, rotations)
+
+    displaced = _displacement(rig, bvh)
 
     size = _stature(rest(np.zeros((len(position), 2), dtype=np.bool_))[1])
     if not 0.0 < size < np.inf:
@@ -138,6 +140,10 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     position = position * scale.factor
     height_m = size * scale.factor
     notes.append(_unit_note(scale, height_m, options))
+    if displaced * scale.factor > 0.01:
+        notes.append(
+            f"joints are displaced in their parents by up to {displaced * scale.factor:.2f} m: bones stretch"
+        )
 
     floor, why = _floor(stance, options)
     notes.append(why)
@@ -148,7 +154,7 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
     )
     _check_sides(path, position, notes)
     raw_hz = 1.0 / bvh.frame_time_s
-    notes.append(f"rate: {rate_hz:g} Hz" + (f" (written {raw_hz:.3f} Hz)" if rate_hz != raw_hz else ""))
+    notes.append(f"rate: {rate_hz:g} Hz" + (f" (written {raw_hz:.4f} Hz)" if rate_hz != raw_hz else ""))
     first, last = _window(path, len(position), rate_hz, options)
     valid = known_roles(position)
     skeleton = Skeleton(
@@ -204,12 +210,24 @@ def _zero_angles(bvh: Bvh) -> Array:
     return np.where([c.endswith("rotation") for c in names], 0.0, bvh.motion[:1])
 
 
+def _displacement(rig: Rig, bvh: Bvh) -> float:
+    """Return how far position channels of joints other than the pelvis move over time [file units]."""
+    first = np.cumsum([0, *(len(n.channels) for n in bvh.nodes)])
+    carriers = set(ancestry(bvh.nodes, [rig.points["pelvis"].turns_with]))
+    columns = [
+        [first[i] + k for k, c in enumerate(bvh.nodes[i].channels) if c.endswith("position")]
+        for i in rig.chain
+        if i not in carriers
+    ]
+    return max((float(np.linalg.norm(np.ptp(bvh.motion[:, c], axis=0))) for c in columns), default=0.0)
+
+
 def _reference(rig: Rig, poses: Poses, zero: Poses, first_may_be: bool) -> Reference:
     roles, at_zero = rig.roles(poses.position), rig.roles(zero.position)[0]
+    if is_upright(at_zero):  # before a T-pose frame, which bends necks and spines as the converter saw fit
+        return Reference("zero", zero.position[0], zero.rotation[0], at_zero)
     if first_may_be and is_t_pose(roles[0]):
         return Reference("tpose", poses.position[0], poses.rotation[0], roles[0])
-    if is_upright(at_zero):
-        return Reference("zero", zero.position[0], zero.rotation[0], at_zero)
     best = int(np.argmax(uprightness(roles)))
     return Reference("motion", poses.position[best], poses.rotation[best], roles[best])
 

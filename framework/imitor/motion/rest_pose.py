@@ -1,8 +1,8 @@
 """The rest pose: an upright T-pose that every recording gets, whatever the zero angles of its file mean.
 
 Zero angles are a T-pose in one file, legs spread or arms hanging in the next, and no human pose at all
-in a third. The rest pose is built from a reference (an added T-pose frame, else the zero angles if they
-are an upright human, else the most upright frame of the motion) and straightened: the body faces +x,
+in a third. The rest pose is built from a reference (the zero angles if they are an upright human, else
+an added T-pose frame, else the most upright frame of the motion) and straightened: the body faces +x,
 legs point down, arms point sideways, feet point ahead with level soles. Every orientation is relative to
 this pose, so that it means the same for all files.
 """
@@ -51,7 +51,7 @@ class Reference:
     """One pose of the chain in a world with z up.
 
     Attributes:
-        kind: ``tpose`` (an added frame), ``zero`` (zero angles) or ``motion`` (the most upright frame).
+        kind: ``zero`` (zero angles), ``tpose`` (an added frame) or ``motion`` (the most upright frame).
         position: Shape (W, 3).
         rotation: World from node axes, shape (W, 3, 3).
         roles: Role positions, shape (R, 3).

@@ -71,6 +71,12 @@ def _names(card: RobotCard, model: Any) -> Iterator[Finding]:
             if name not in legal and name != "*":
                 hint = did_you_mean(name, legal) or f"it has: {', '.join(legal[:8])}, …"
                 yield Finding("error", f"{where}: the model has no {what} '{name}'; {hint}")
+    locked = expand(card.locked)
+    for key in ("standing", "t_pose"):
+        for name in sorted(expand(getattr(card, key)).keys() & locked.keys()):
+            yield Finding(
+                "error", f"{key}.{name}: the joint is in `locked`, where its place is given; remove it here"
+            )
     for role, frame in card.sided_roles().items():
         if role.startswith("left_") and card.sided_roles()[f"right_{role[5:]}"] == frame:
             yield Finding(

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 
 import numpy as np
 
-from imitor.errors import RobotError
 from imitor.metrics.polygon import convex_hull, margin
 from imitor.robot.card import ROBOT_ROLES, expand, expand_limits
 from imitor.robot.describe import collision_or_reason, height_m, human_length_m
@@ -110,8 +109,9 @@ def check_axes(robot: RobotModel) -> Iterator[Finding]:
     for side in SIDES:
         if not robot.has(f"{side}_knee", f"{side}_ankle"):
             continue
-        knee = robot.model.frames[robot.frame_id(f"{side}_knee")].parentJoint
-        i = int(knee) - 2
+        i = int(robot.model.frames[robot.frame_id(f"{side}_knee")].parentJoint) - 2
+        if i < 0:
+            continue
         q = robot.standing.copy()
         q[7 + i] = robot.lower[i] if -robot.lower[i] > robot.upper[i] else robot.upper[i]
         straight, bent = _shank(robot, robot.standing, side), _shank(robot, q, side)
@@ -203,9 +203,6 @@ def check_standing(robot: RobotModel) -> Iterator[Finding]:
     for key in ("standing", "t_pose"):
         values: Mapping[str, float] = expand(getattr(robot.card, key))
         for name, value in values.items():
-            if name not in robot.joint_names:
-                yield Finding("warning", f"{key}.{name}: the joint is locked, so this has no effect")
-                continue
             i = robot.joint_index(name)
             if not robot.lower[i] - 1e-6 <= value <= robot.upper[i] + 1e-6:
                 yield Finding(
@@ -240,8 +237,8 @@ def check_t_pose(robot: RobotModel) -> Iterator[Finding]:
         if off > SIDEWAYS_RAD:
             yield Finding(
                 "warning",
-                f"{segment} points {np.degrees(off):.0f}° away from sideways in `t_pose`; correct it or, where the "
-                "robot cannot reach a T-pose, give reference_vectors",
+                f"{segment} points {np.degrees(off):.0f}° away from sideways in `t_pose`; correct it or, "
+                "where the robot cannot reach a T-pose, give reference_vectors",
             )
     robot.update(robot.standing)
 
@@ -309,11 +306,7 @@ def check_locked(robot: RobotModel) -> Iterator[Finding]:
 
 def check_collision(robot: RobotModel) -> Iterator[Finding]:
     """Say whether self-collision can be looked for, and what overlaps when standing."""
-    try:
-        collision = collision_or_reason(robot)
-    except RobotError as error:
-        yield Finding("error", str(error))
-        return
+    collision = collision_or_reason(robot)
     if isinstance(collision, str):
         yield Finding("warning", f"{collision}: self-collision is neither measured nor avoided")
         return

@@ -128,7 +128,11 @@ class _Dumper(yaml.SafeDumper):
 
 
 def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    return dumper.represent_scalar(STR, text, style=None if plain_tag(text) == STR else "'")
+    if not text.isprintable():
+        style: str | None = '"'  # only there are line breaks and control characters written as escapes
+    else:
+        style = None if plain_tag(text) == STR else "'"
+    return dumper.represent_scalar(STR, text, style=style)
 
 
 _Dumper.add_representer(str, _represent_text)

@@ -21,7 +21,7 @@ from imitor.spec.translate import translate, validate
 __all__ = ["Document", "Loc", "Mark", "parse_document", "parse_value", "translate", "validate"]
 
 _BREAK: Final = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
-_MAX_NODES: Final = 200_000
+_MAX_NODES: Final = 50_000
 """More than this comes from aliases of aliases, not from a person."""
 
 

@@ -34,12 +34,14 @@ class View:
         azimuth, elevation: Direction of view in MuJoCo's sense [rad].
         distance: From the point looked at [m].
         target: The point looked at, shape (T, 3) [m].
+        reach: Largest distance on the floor of anything shown from the point looked at [m].
     """
 
     azimuth: float
     elevation: float
     distance: float
     target: Array
+    reach: float
 
 
 @dataclass(frozen=True)
@@ -126,17 +128,18 @@ def frame_all(clip: Clip, robot: Array, human: Array, layout: Layout, aspect: fl
     forward = np.array([ce * ca, ce * sa, se])
     up = np.cross(layout.right, forward)
     away = points - target[:, None]
-    # the picture is centred on what is in it, not on the middle of the bases
-    for axis in (layout.right, up):
-        shown = away @ axis
-        offset = 0.5 * (np.nanmin(shown) + np.nanmax(shown)) * axis
-        target, away = target + offset, away - offset
-    depth = away @ forward
     half = math.tan(0.5 * FIELD_OF_VIEW) * (1.0 - 2.0 * BORDER)
-    bounds = [
-        np.nanmax(np.abs(away @ axis) / t - depth) for axis, t in ((up, half), (layout.right, half * aspect))
-    ]
-    return View(layout.azimuth, ELEVATION, float(max(bounds)), target)
+    opening = ((layout.right, half * aspect), (up, half))
+    for _ in range(4):  # centring changes the distance, which changes the perspective; this settles at once
+        depth = away @ forward
+        distance = max(float(np.nanmax(np.abs(away @ axis) / t - depth)) for axis, t in opening)
+        for axis, _t in opening:
+            seen = away @ axis / (distance + depth)
+            offset = 0.5 * distance * (np.nanmin(seen) + np.nanmax(seen)) * axis
+            target, away = target + offset, away - offset
+    distance = max(float(np.nanmax(np.abs(away @ axis) / t - away @ forward)) for axis, t in opening)
+    reach = float(np.sqrt(np.nanmax(away[..., 0] ** 2 + away[..., 1] ** 2)))
+    return View(layout.azimuth, ELEVATION, distance, target, reach)
 
 
 def _cos_sin(angle: float) -> tuple[float, float]:

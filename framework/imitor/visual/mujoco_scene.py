@@ -17,9 +17,9 @@ from imitor.visual.stick import Stick
 
 _BACKGROUND: Final = (0.955, 0.965, 0.975)
 _FLOOR: Final = (0.90, 0.915, 0.93)
-_GRID: Final = (0.74, 0.77, 0.80)
-_SUN: Final = (-0.35, 0.45, -1.0)
-"""Direction of the light that casts shadows, in the axes of the picture's floor: away, left, up."""
+_GRID: Final = (0.66, 0.70, 0.74)
+_SUN: Final = (0.30, 0.38, -1.0)
+"""Direction of the light that casts shadows, in the axes of the picture: away, to the left, up."""
 
 
 class Scene:
@@ -30,17 +30,18 @@ class Scene:
         size: Largest picture, width and height [px].
         field_of_view: Vertical opening angle of the camera [rad].
         azimuth: Direction of view [rad]; the light comes from over the camera's shoulder.
+        reach: Distance from the point looked at within which shadows are cast [m].
 
     Attributes:
         model, data: MuJoCo's.
     """
 
     def __init__(
-        self, parts: Sequence[Part], size: tuple[int, int], field_of_view: float, azimuth: float
+        self, parts: Sequence[Part], size: tuple[int, int], field_of_view: float, azimuth: float, reach: float
     ) -> None:
         self._mujoco = mujoco = import_mujoco()
         spec = mujoco.MjSpec()
-        _style(mujoco, spec, size, field_of_view)
+        _style(mujoco, spec, size, field_of_view, reach)
         _add_floor(mujoco, spec)
         _add_lamps(mujoco, spec, azimuth)
         self._joints = sorted({p.joint for p in parts})
@@ -86,6 +87,12 @@ class Pencil:
         kind = self._mujoco.mjtGeom.mjGEOM_CYLINDER
         self._add(kind, np.array([radius, 0.002, 0.0]), at, np.eye(3), rgb, alpha)
 
+    def projection(self, point: Array, rgb: Sequence[float], alpha: float = 1.0) -> None:
+        """Mark a point's projection on the floor by a disc, joined to the point by a thin line."""
+        foot = np.array([point[0], point[1], 0.006])
+        self.disc(foot, 0.028, rgb, alpha)
+        self.capsule(foot, point, 0.0035, rgb, alpha)
+
     def capsule(self, a: Array, b: Array, radius: float, rgb: Sequence[float], alpha: float = 1.0) -> None:
         """Draw a capsule from one point to another."""
         kind = self._mujoco.mjtGeom.mjGEOM_CAPSULE
@@ -121,23 +128,23 @@ class Pencil:
         return geom
 
 
-def _style(mujoco: Any, spec: Any, size: tuple[int, int], field_of_view: float) -> None:
+def _style(mujoco: Any, spec: Any, size: tuple[int, int], field_of_view: float, reach: float) -> None:
     visual = spec.visual
     width, height = size
     visual.global_.offwidth, visual.global_.offheight = width, height
     visual.global_.fovy = float(np.degrees(field_of_view))
-    visual.quality.shadowsize, visual.quality.offsamples = 4096, 8
+    visual.quality.shadowsize, visual.quality.offsamples = 2048, 4
     visual.headlight.active = 1
-    visual.headlight.ambient = (0.42, 0.42, 0.43)
-    visual.headlight.diffuse = (0.22, 0.22, 0.22)
+    visual.headlight.ambient = (0.45, 0.45, 0.46)
+    visual.headlight.diffuse = (0.26, 0.26, 0.26)
     visual.headlight.specular = (0.0, 0.0, 0.0)
-    visual.map.znear, visual.map.zfar = 0.02, 60.0
-    visual.map.shadowclip, visual.map.haze = 2.0, 0.35
+    visual.map.znear, visual.map.zfar = 0.05 / reach, 100.0 / reach
+    visual.map.shadowclip, visual.map.haze = 1.0, 0.4
     visual.rgba.haze = (*_BACKGROUND, 1.0)
-    spec.stat.extent, spec.stat.center = 1.5, (0.0, 0.0, 0.8)
+    spec.stat.extent, spec.stat.center = reach, (0.0, 0.0, 0.8)
     spec.add_texture(
-        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.86, 0.90, 0.94), rgb2=_BACKGROUND, width=128, height=768,
+        name="sky", type=mujoco.mjtTexture.mjTEXTURE_SKYBOX, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=_BACKGROUND, rgb2=_BACKGROUND, width=32, height=192,
     )  # fmt: skip
 
 
@@ -157,9 +164,9 @@ def _add_lamps(mujoco: Any, spec: Any, azimuth: float) -> None:
     """Hang the lamps on a body that goes along with the camera, so that shadows stay sharp far from the origin."""
     lamp = spec.worldbody.add_body(name="lamp", mocap=True)
     ca, sa = np.cos(azimuth), np.sin(azimuth)
-    away, left, down = _SUN
+    away, left, up = _SUN
     kind = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-    direction = (ca * -away - sa * left, sa * -away + ca * left, down)
+    direction = (ca * away - sa * left, sa * away + ca * left, up)
     lamp.add_light(
         type=kind, pos=tuple(-4.0 * np.array(direction)), dir=direction, castshadow=True,
         diffuse=(0.50, 0.49, 0.47), specular=(0.25, 0.25, 0.25), ambient=(0.0, 0.0, 0.0),

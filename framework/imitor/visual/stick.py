@@ -11,9 +11,9 @@ from imitor.types import ROLE_INDEX, Array, BoolArray
 
 Colour = tuple[float, float, float]
 
-MIDDLE: Final[Colour] = (0.44, 0.50, 0.58)
-LEFT: Final[Colour] = (0.25, 0.50, 0.74)
-RIGHT: Final[Colour] = (0.80, 0.49, 0.40)
+MIDDLE: Final[Colour] = (0.55, 0.61, 0.69)
+LEFT: Final[Colour] = (0.38, 0.59, 0.79)
+RIGHT: Final[Colour] = (0.86, 0.60, 0.52)
 """Blue-grey trunk; the left limbs cooler, the right limbs warmer. Red, green, blue in 0 to 1."""
 
 _CHAINS: Final[tuple[tuple[str, ...], ...]] = (
@@ -27,9 +27,9 @@ _CHAINS: Final[tuple[tuple[str, ...], ...]] = (
 )
 """Points joined one after the other; a point that is not known is left out, ``a|b`` is the first one known."""
 
-_THICK: Final = {"hip": 0.042, "knee": 0.040, "ankle": 0.032, "shoulder": 0.038, "elbow": 0.034, "wrist": 0.027}
-_MIDDLE_RADIUS: Final = 0.045
-_THIN_RADIUS: Final = 0.022
+_THICK: Final = {"hip": 0.056, "knee": 0.052, "ankle": 0.042, "shoulder": 0.050, "elbow": 0.043, "wrist": 0.035}
+_MIDDLE_RADIUS: Final = 0.058
+_THIN_RADIUS: Final = 0.028
 HEAD_RADIUS: Final = 0.095  # [m]
 
 
@@ -74,7 +74,7 @@ def stick_figure(known: BoolArray) -> Stick:
         bone_colour=np.array([_colour(n) for n in names]).reshape(-1, 3),
         joints=np.array(joints, dtype=np.int32),
         joint_radius=np.array([_radius(roles[j]) for j in joints]),
-        joint_colour=0.82 * np.array([_colour(roles[j]) for j in joints]).reshape(-1, 3),
+        joint_colour=0.80 * np.array([_colour(roles[j]) for j in joints]).reshape(-1, 3),
     )
 
 

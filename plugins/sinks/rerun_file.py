@@ -1,0 +1,83 @@
+"""A recording for the Rerun viewer: human, robot, targets and balance in space; joints, margin and time as plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field
+
+from imitor import Config, RunInfo, SinkReport, hookimpl
+from imitor.errors import SinkError
+from imitor.recorded_sink import RecordedSink, writing
+
+if TYPE_CHECKING:
+    from imitor.visual.rerun_scene import RerunScene
+
+
+class RerunConfig(Config):
+    """The file and what it shows."""
+
+    path: str = Field("run.rrd", description="File in the run directory; with --view a window opens instead [-].")
+    max_hz: float = Field(
+        60.0, gt=0, le=1000, description="Most poses of human and robot kept a second; joint plots keep every frame [Hz]."
+    )
+    layout: Literal["beside", "overlay"] = Field(
+        "beside", description="Human beside the robot at the same scale, or where the robot is [-]."
+    )
+
+
+class Rerun(RecordedSink[RerunConfig]):
+    """Writes a .rrd recording for the Rerun viewer; with --view it opens the viewer."""
+
+    name = "rerun"
+
+    def start(self) -> None:
+        """Import Rerun."""
+        import rerun  # noqa: F401
+
+    def open(self, run: RunInfo) -> None:
+        """Check the folder."""
+        super().open(run)
+        self._path = self.folder_of(Path(self.config.path))
+
+    def save(self) -> SinkReport:
+        """Write the recording, or send it to a viewer."""
+        import rerun as rr
+
+        name = f"imitor {self.run.pipeline_name}".strip()
+        stream = rr.RecordingStream(name)
+        if self.run.view:
+            try:
+                stream.spawn()
+            except (OSError, RuntimeError) as error:
+                raise SinkError(
+                    f"sink 'rerun': the viewer cannot be opened: {error}; run without --view and open the .rrd file"
+                ) from error
+            self._scene().send(stream)
+            stream.flush()
+            return SinkReport()
+        # through memory: the stream's own file writer would keep a full disk to itself
+        memory = stream.binary_stream()
+        self._scene().send(stream)
+        content = memory.read()
+        if not content:
+            raise SinkError("sink 'rerun': the recording stream gave no data; is RERUN=off set in the environment?")
+        with writing(self._path) as temporary:
+            temporary.write_bytes(content)
+        return SinkReport([self._path])
+
+    def _scene(self) -> RerunScene:
+        from imitor.visual.clip import rows_at
+        from imitor.visual.rerun_scene import RerunScene
+
+        motion, reference = self.recorder.motion(), self.recorder.reference()
+        rows = rows_at(motion.time_s, self.config.max_hz)
+        beside = self.config.layout == "beside"
+        return RerunScene(self.run.robot, motion, reference, self.run.stack, rows, beside=beside)
+
+
+@hookimpl
+def imitor_components() -> list[type[Rerun]]:
+    """Register the sink."""
+    return [Rerun]
