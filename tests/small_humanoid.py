@@ -115,14 +115,14 @@ class SmallHumanoid:
                 parts.append(f'<joint name="{k.name}_fixed" type="fixed">{ends}</joint>')
                 continue
             limit = f'<limit lower="{k.range[0]}" upper="{k.range[1]}" velocity="{k.speed}" effort="50"/>'
-            parts.append(
-                f'<joint name="{_joint(k)}" type="revolute">{ends}<axis xyz="{_numbers(k.axis)}"/>{limit}</joint>'
-            )
+            axis = f'<axis xyz="{_numbers(k.axis)}"/>'
+            parts.append(f'<joint name="{_joint(k)}" type="revolute">{ends}{axis}{limit}</joint>')
         return "\n".join([*parts, "</robot>"])
 
     def mjcf(self) -> str:
         """Return the model as MJCF; like most such files without a speed limit."""
-        return f'<mujoco model="small"><compiler angle="radian"/><worldbody>{self._body("pelvis")}</worldbody></mujoco>'
+        world = f"<worldbody>{self._body('pelvis')}</worldbody>"
+        return f'<mujoco model="small"><compiler angle="radian"/>{world}</mujoco>'
 
     def _body(self, name: str) -> str:
         k = self.link(name)
@@ -130,7 +130,8 @@ class SmallHumanoid:
         if k.parent:
             joint = ""
             if k.axis is not None:
-                joint = f'<joint name="{_joint(k)}" axis="{_numbers(k.axis)}" range="{_numbers(k.range)}" limited="true"/>'
+                limits = f'range="{_numbers(k.range)}" limited="true"'
+                joint = f'<joint name="{_joint(k)}" axis="{_numbers(k.axis)}" {limits}/>'
         half = _numbers([s / 2 for s in k.box])
         geom = f'<geom type="box" size="{half}" pos="{_numbers(k.box_at)}"/>' if any(k.box) else ""
         inertia = (
@@ -164,12 +165,15 @@ def _links() -> list[Link]:
         links += [
             Link(n + "hip_carrier", "pelvis", (0.0, s * HIP[0], HIP[1]), x, 0.0, none, o, (-0.6, 0.6)),
             Link(n + "thigh", n + "hip_carrier", o, y, 2.0, (0.06, 0.06, 0.2), (0, 0, -0.15), (-2.0, 1.0)),
-            Link(n + "shank", n + "thigh", (0, 0, -THIGH), y, 1.5, (0.06, 0.06, 0.2), (0, 0, -0.15), (0.0, 2.3)),
+            Link(n + "shank", n + "thigh", (0, 0, -THIGH), y, 1.5, (0.06, 0.06, 0.2), (0, 0, -0.15),
+                 (0.0, 2.3)),
             Link(n + "ankle_carrier", n + "shank", (0, 0, -SHANK), y, 0.0, none, o, (-1.2, 1.2)),
-            Link(n + "foot", n + "ankle_carrier", o, x, 0.5, (0.18, 0.08, 0.03), (0.04, 0, -0.035), (-0.6, 0.6)),
+            Link(n + "foot", n + "ankle_carrier", o, x, 0.5, (0.18, 0.08, 0.03), (0.04, 0, -0.035),
+                 (-0.6, 0.6)),
             Link(n + "shoulder_carrier", "chest", (0, s * SHOULDER[0], SHOULDER[1] - 0.05), y, 0.0, none, o),
             Link(n + "upper_arm", n + "shoulder_carrier", o, x, 1.0, (0.05, 0.05, 0.16), (0, 0, -0.11)),
-            Link(n + "forearm", n + "upper_arm", (0, 0, -UPPER_ARM), y, 0.7, (0.05, 0.05, 0.12), (0, 0, -0.09), (-2.4, 0.2)),
+            Link(n + "forearm", n + "upper_arm", (0, 0, -UPPER_ARM), y, 0.7, (0.05, 0.05, 0.12),
+                 (0, 0, -0.09), (-2.4, 0.2)),
             Link(n + "wrist", n + "forearm", (0, 0, -FOREARM), None, 0.0, none, o),
             Link(n + "hand", n + "wrist", (0, 0, -HAND), None, 0.2, none, o),
         ]  # fmt: skip
@@ -189,12 +193,12 @@ def still(robot: RobotModel, frames: int = 20) -> tuple[Motion, Reference]:
 
 
 def moving(robot: RobotModel, q: np.ndarray) -> tuple[Motion, Reference]:
-    """Return the motion of configurations (T, nq) with both feet in contact, and a human that does the same."""
+    """Return the motion of configurations (T, nq), both feet in contact, and a human that does the same."""
     n = len(q)
     time = np.arange(n) / RATE_HZ
     motion = Motion(
-        str(robot.card.path), time, robot.joint_names, q[:, 7:].copy(), q[:, :3].copy(), q[:, [6, 3, 4, 5]].copy(),
-        np.ones((n, 2), dtype=bool), ["ok"] * n,
+        str(robot.card.path), time, robot.joint_names, q[:, 7:].copy(), q[:, :3].copy(),
+        q[:, [6, 3, 4, 5]].copy(), np.ones((n, 2), dtype=bool), ["ok"] * n,
     )  # fmt: skip
     return motion, reference_of(robot, motion)
 

@@ -33,8 +33,7 @@ options
   tolerance.position_m       number                   0.001                             Position [m].
   tolerance.orientation_rad  number                   0.01                              Orientation [rad].
   verbose                    true/false               false                             Say more.
-  reach                      number | list of number  1.0                               One reach, or left and right
-                                                                                        [m].
+  reach                      number | list of number  1.0                               Reach [m].
 """
 
 HEAVY = ("pinocchio", "placo", "mujoco", "fcl", "rerun", "scipy", "rich")
@@ -92,7 +91,8 @@ def test_nothing_given(capsys: pytest.CaptureFixture[str]) -> None:
         ),
         (
             ["run", "toy", "--frames", "0"],
-            "imitor run: argument --frames: should be a whole number above 0, got '0'\nhelp: imitor run --help\n",
+            "imitor run: argument --frames: should be a whole number above 0, got '0'\n"
+            "help: imitor run --help\n",
         ),
         (["list", "--nope"], "imitor: unrecognized arguments: --nope\nhelp: imitor --help\n"),
     ],
@@ -189,8 +189,9 @@ def test_list(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = call(capsys, "list")
     assert status == 0
     assert (
-        "filter plugins\n  mark   Mark the feet in support. (toys)\n  weigh  Find the centre of mass. (toys)\n"
-        in out
+        "filter plugins\n"
+        "  mark   Mark the feet in support. (toys)\n"
+        "  weigh  Find the centre of mass. (toys)\n" in out
     )
     assert "\nrobots\n" in out
     assert "  toybot" in out

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_humanoid import SmallHumanoid, moving, still
 
 from imitor import metrics
 from imitor.metrics.collision import CollisionModel, collision_model, robot_collision_model
@@ -17,10 +16,12 @@ from imitor.metrics.kinematics import fresh_model
 from imitor.robot.card import RobotCard
 from imitor.robot.files import ModelFiles
 from imitor.robot.model import RobotModel
+from small_humanoid import SmallHumanoid, moving, still
 
 SLIDES = """
 <robot name="slides">
-  <link name="base"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+  <link name="base">
+    <inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
     <collision><geometry>{base}</geometry></collision></link>
   <link name="carrier"/>
   <link name="tip"><collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision></link>
@@ -47,7 +48,8 @@ def slides(tmp_path: Path, base: str = BOX, **card: Any) -> CollisionModel:
     path.write_text(SLIDES.format(base=base), encoding="utf-8")
     made = RobotCard.model_validate(
         {
-            "imitor_robot": 1, "title": "Slides", "licence": "CC0-1.0", "model": {"file": "slides.urdf"}, "roles": {},
+            "imitor_robot": 1, "title": "Slides", "licence": "CC0-1.0", "model": {"file": "slides.urdf"},
+            "roles": {},
             "soles": {"frame": "base", "polygon_m": [[0, 0], [1, 0], [0, 1]]}, "name": "slides", **card,
         }
     )  # fmt: skip
@@ -86,7 +88,7 @@ def test_pairs_that_overlap_when_standing_are_left_out(tmp_path: Path) -> None:
 
 
 def l_shape(folder: Path, reach: float) -> str:
-    """Write a mesh of an L, 0.2 m high, and return its URDF geometry; the notch of the L is not in its hull."""
+    """Write a mesh of an L, 0.2 m high, and return its URDF geometry; the hull fills its notch."""
     import trimesh
 
     foot = trimesh.creation.box(

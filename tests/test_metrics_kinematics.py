@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_humanoid import SmallHumanoid, moving, still
 
 from imitor.errors import RobotError, UnknownJoint
 from imitor.metrics.kinematics import Kinematics, fresh_model, rotations_of
 from imitor.robot.model import RobotModel
+from small_humanoid import SmallHumanoid, moving, still
 
 CARDS = ("unitree_g1", "romeo", "talos")
 

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_humanoid import SmallHumanoid, still
 
 from imitor import metrics
 from imitor.errors import SourceError, SpecError
@@ -20,6 +19,7 @@ from imitor.metrics.doc import table
 from imitor.metrics.figure import BETTER, Figure, Sample, Unmeasured
 from imitor.record import MOTION_FILE, REFERENCE_FILE
 from imitor.robot.model import RobotModel
+from small_humanoid import SmallHumanoid, still
 
 ROOT = Path(__file__).resolve().parents[1]
 UNIT_ENDINGS = {
@@ -60,11 +60,10 @@ def test_a_directory_without_files_and_a_robot_that_is_gone(run_dir: Path) -> No
 
 def test_written_numbers_have_six_digits_and_keys_are_sorted(tmp_path: Path) -> None:
     path = tmp_path / "metrics.json"
-    metrics.write({"b": {"y": 1234.56789, "x": 1 / 3}, "a": [7, 1e-9 / 3], "c": "text"}, path)
-    assert path.read_text(encoding="utf-8") == (
-        '{\n  "a": [\n    7,\n    3.33333e-10\n  ],\n  "b": {\n    "x": 0.333333,\n    "y": 1234.57\n  },\n'
-        '  "c": "text"\n}\n'
-    )
+    metrics.write({"b": {"y": 1234.56789, "x": 1 / 3}, "a": [7, 1e-9 / 3, -1e-17], "c": "text"}, path)
+    lines = ["{", '  "a": [', "    7,", "    3.33333e-10,", "    0.0", "  ],"]
+    lines += ['  "b": {', '    "x": 0.333333,', '    "y": 1234.57', "  },", '  "c": "text"', "}", ""]
+    assert path.read_text(encoding="utf-8") == "\n".join(lines)
     with pytest.raises(ValueError, match="JSON"):
         metrics.write({"a": math.nan}, path)
     assert json.loads(path.read_text(encoding="utf-8"))["a"][0] == 7  # the old file is still whole

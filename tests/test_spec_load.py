@@ -49,7 +49,7 @@ def test_the_whole_specification(registry: Registry) -> None:
         ("postprocessor", "blend", "blend", "stages[2]"),
     ]
     assert [(s.kind, s.name, s.where) for s in spec.sinks] == [("sink", "log", "sinks[0]")]
-    assert spec.stages[1].config == FastConfig(damping=0.5)
+    assert spec.stages[1].config == FastConfig.model_validate({"damping": 0.5})
 
 
 def test_sinks_may_be_left_out(registry: Registry) -> None:

@@ -115,9 +115,9 @@ class FastConfig(Config):
     )
     damping: float = Field(0.1, ge=0, le=10, description="Damping [-].")
     iterations: dict[str, int] = Field({"arms": 30, "legs": 5}, description="Iterations by limb.")
-    tolerance: Tolerance = Field(Tolerance(), description="When to stop.")
+    tolerance: Tolerance = Field(default_factory=Tolerance.model_construct, description="When to stop.")
     verbose: bool = Field(False, description="Say more.")
-    reach: float | tuple[float, float] = Field(1.0, description="One reach, or left and right [m].")
+    reach: float | tuple[float, float] = Field(1.0, description="Reach [m].")
 
 
 class Fast(Solver[FastConfig]):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,11 +11,17 @@ from imitor import Component, Config, Filter, HumanFrame, Support, hookimpl
 from imitor.types import ROLE_INDEX, SIDES, Array
 
 
+_BOTH = np.arange(2)
+
+
 class SupportByHeightConfig(Config):
     """Options of the support filter."""
 
     threshold_m: float = Field(
         0.04, gt=0, description="A foot lower than this over its standing height may be in contact [m]."
+    )
+    points: Literal["flat", "lowest"] = Field(
+        "flat", description="Which points must be low: flat, ankle and toes; lowest, one of them is enough."
     )
     hysteresis_m: float = Field(0.01, ge=0, description="A foot in contact must rise this much further to leave [m].")
     speed_m_s: float | None = Field(
@@ -28,9 +34,9 @@ class SupportByHeightConfig(Config):
 
 
 class SupportByHeight(Filter[SupportByHeightConfig]):
-    """Mark a foot as in contact while ankle and toes are near the heights they have when standing flat.
+    """Mark a foot as in contact while its points are near the heights they have when standing flat.
 
-    [pennapoubel2014] P3 (height alone), [montecillo2010] M6 (height and speed).
+    The speed is that of the lower one of ankle and toes. [pennapoubel2014] P3 (height alone), [montecillo2010] M6 (height and speed).
     """
 
     name = "support_by_height"
@@ -64,13 +70,15 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
             return frame
         config = self.config
         points = frame.position[self._index]  # (2, K, 3)
-        height = (points[..., 2] - self._height).max(axis=1)
+        heights = points[..., 2] - self._height
+        which = heights.argmax(axis=1) if config.points == "flat" else heights.argmin(axis=1)
+        height = heights[_BOTH, which]
         speed = (0.0, 0.0)
         if config.speed_m_s is not None:
-            ankle = points[:, 0]
             if self._last is not None:
-                speed = tuple(np.sqrt(((ankle - self._last) ** 2).sum(axis=1)) / self.dt_s)
-            self._last = ankle.copy()
+                moved = (points - self._last)[_BOTH, heights.argmin(axis=1)]
+                speed = tuple(np.sqrt((moved * moved).sum(axis=1)) / self.dt_s)
+            self._last = points
         for i in range(2):
             if np.isnan(height[i]):
                 continue  # not seen: as in the last frame

@@ -14,13 +14,15 @@ from imitor import Config, RunInfo, SinkReport, hookimpl
 from imitor.record import Motion
 from imitor.recorded_sink import RecordedSink, writing
 
+
 class CsvConfig(Config):
     """The file and how it is written."""
 
     path: str = Field("motion.csv", description="File in the run directory [-].")
     precision: int = Field(6, ge=1, le=17, description="Digits after the decimal point [-].")
     comment: bool = Field(
-        False, description="Whether a first line, after a #, says which robot and pipeline the motion is of [-]."
+        False,
+        description="Whether a first line, after a #, says which robot and pipeline the motion is of [-].",
     )
 
 
@@ -39,7 +41,9 @@ class CsvFile(RecordedSink[CsvConfig]):
         motion = self.recorder.motion()
         with writing(self._path) as temporary, temporary.open("w", encoding="utf-8", newline="") as stream:
             if self.config.comment:
-                stream.write(f"# robot {motion.robot}, pipeline {self.run.pipeline_name}\n".replace("\r", " "))
+                stream.write(
+                    f"# robot {motion.robot}, pipeline {self.run.pipeline_name}\n".replace("\r", " ")
+                )
             stream.write(self._header(motion))
             stream.writelines(_lines(motion, self.config.precision))
         return SinkReport([self._path])

@@ -13,7 +13,8 @@ class MotionFileConfig(Config):
     """Which of the two files are written."""
 
     reference: bool = Field(
-        True, description="Whether reference.npz (the human and the targets) is written beside motion.npz [-]."
+        True,
+        description="Whether reference.npz (the human and the targets) is written beside motion.npz [-].",
     )
 
 

@@ -18,9 +18,14 @@ if TYPE_CHECKING:
 class RerunConfig(Config):
     """The file and what it shows."""
 
-    path: str = Field("run.rrd", description="File in the run directory; with --view a window opens instead [-].")
+    path: str = Field(
+        "run.rrd", description="File in the run directory; with --view a window opens instead [-]."
+    )
     max_hz: float = Field(
-        60.0, gt=0, le=1000, description="Most poses of human and robot kept a second; joint plots keep every frame [Hz]."
+        60.0,
+        gt=0,
+        le=1000,
+        description="Most poses of human and robot kept a second; joint plots keep every frame [Hz].",
     )
     layout: Literal["beside", "overlay"] = Field(
         "beside", description="Human beside the robot at the same scale, or where the robot is [-]."
@@ -37,8 +42,18 @@ class Rerun(RecordedSink[RerunConfig]):
         import rerun  # noqa: F401
 
     def open(self, run: RunInfo) -> None:
-        """Check the folder."""
+        """Check the folder, or the display.
+
+        Raises:
+            SinkError: There is no such folder, or no display for the viewer.
+        """
+        from imitor.visual.offscreen import headless
+
         super().open(run)
+        if run.view and headless():
+            raise SinkError(
+                "sink 'rerun': there is no display here for the viewer; run without --view and open the .rrd file elsewhere"
+            )
         self._path = self.folder_of(Path(self.config.path))
 
     def save(self) -> SinkReport:
@@ -62,7 +77,9 @@ class Rerun(RecordedSink[RerunConfig]):
         self._scene().send(stream)
         content = memory.read()
         if not content:
-            raise SinkError("sink 'rerun': the recording stream gave no data; is RERUN=off set in the environment?")
+            raise SinkError(
+                "sink 'rerun': the recording stream gave no data; is RERUN=off set in the environment?"
+            )
         with writing(self._path) as temporary:
             temporary.write_bytes(content)
         return SinkReport([self._path])

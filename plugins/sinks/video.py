@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.util
 import logging
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -22,6 +22,8 @@ log = logging.getLogger("imitor")
 GIF_LIMIT: Final = 1500
 """Longest .gif: its frames are all held in memory while it is written [frames]."""
 _REPORT_EVERY_S: Final = 5.0
+_SUPERSAMPLING: Final = 2
+"""Pictures of the contact sheet are rendered so much larger, for smooth edges."""
 
 Picture = NDArray[np.uint8]
 
@@ -29,14 +31,19 @@ Picture = NDArray[np.uint8]
 class VideoConfig(Config):
     """What is shown, how large, and in which files."""
 
-    path: str = Field("video", description="Files without ending, in the run directory: PATH.gif or .mp4, PATH.png [-].")
+    path: str = Field(
+        "video", description="Files without ending, in the run directory: PATH.gif or .mp4, PATH.png [-]."
+    )
     format: Literal["gif", "mp4", "none"] = Field(
-        "gif", description="Format of the video; mp4 needs imageio[ffmpeg]; none writes the contact sheet alone [-]."
+        "gif",
+        description="Format of the video; mp4 needs imageio[ffmpeg]; none writes the contact sheet alone [-].",
     )
     layout: Literal["beside", "overlay"] = Field(
         "beside", description="Human beside the robot at the same scale, or over it, half transparent [-]."
     )
-    size_px: tuple[int, int] = Field((640, 480), description="Width and height of the video, even numbers [px].")
+    size_px: tuple[int, int] = Field(
+        (640, 480), description="Width and height of the video, even numbers [px]."
+    )
     fps: float = Field(25.0, gt=0, le=100, description="Pictures per second [Hz].")
     begin_s: float = Field(0.0, ge=0, description="From where in the run the video starts [s].")
     end_s: float | None = Field(None, gt=0, description="Until where; null for the end of the run [s].")
@@ -45,7 +52,9 @@ class VideoConfig(Config):
     columns: int = Field(4, ge=1, le=20, description="Pictures in a row of the contact sheet [-].")
     rows: int = Field(2, ge=1, le=20, description="Rows of the contact sheet [-].")
     sheet_width_px: int = Field(1600, ge=200, le=8000, description="Width of the contact sheet [px].")
-    title: str | None = Field(None, description="Title of the contact sheet; null for pipeline and robot [-].")
+    title: str | None = Field(
+        None, description="Title of the contact sheet; null for pipeline and robot [-]."
+    )
 
     @field_validator("size_px")
     @classmethod
@@ -107,21 +116,23 @@ class Video(RecordedSink[VideoConfig]):
         path = self._stem.with_name(f"{self._stem.name}.{self.config.format}")
         write = _write_gif if self.config.format == "gif" else _write_mp4
         with writing(path) as temporary:
-            write(temporary, _reported(studio), self.config.fps)
+            write(temporary, studio, self.config.fps)
         return path
 
     def _sheet(self, studio: Any) -> Path:
-        from imitor.visual.sheet import contact_sheet
+        from imitor.visual.sheet import contact_sheet, tile_size
 
         c = self.config
         count = min(c.columns * c.rows, len(studio))
-        chosen = np.unique(np.linspace(0, len(studio) - 1, count).round().astype(int))
+        columns = min(c.columns, count)
+        width, height = tile_size(c.size_px, columns, c.sheet_width_px)
+        studio.resize((_SUPERSAMPLING * width, _SUPERSAMPLING * height))
+        chosen = np.linspace(0, len(studio) - 1, count).round().astype(int).tolist()
         title = c.title
         if title is None:
             title = "  ·  ".join(t for t in (self.run.pipeline_name, self.run.robot.card.title) if t)
-        sheet = contact_sheet(
-            [studio.picture(i) for i in chosen], [studio.time_s[i] for i in chosen], title, c.columns, c.sheet_width_px
-        )
+        pictures, times = [studio.picture(i) for i in chosen], [float(studio.time_s[i]) for i in chosen]
+        sheet = contact_sheet(pictures, times, title, columns, c.sheet_width_px)
         path = self._stem.with_name(f"{self._stem.name}.png")
         with writing(path) as temporary:
             sheet.save(temporary)
@@ -138,29 +149,48 @@ def _reported(studio: Any) -> Iterator[Picture]:
             log.info("video: %d of %d pictures", i + 1, len(studio))
 
 
-def _write_gif(path: Path, pictures: Iterable[Picture], fps: float) -> None:
+def _write_gif(path: Path, studio: Any, fps: float) -> None:
     """Write a .gif with one palette for all pictures, so that still parts stay still and cost nothing."""
     from PIL import Image
 
-    stream = (Image.fromarray(p) for p in pictures)
-    first = next(stream)
-    palette = first.quantize(255, dither=Image.Dither.NONE)
+    samples = [studio.picture(i) for i in sorted({0, len(studio) // 2, len(studio) - 1})]
+    palette = _palette(Image.fromarray(np.concatenate(samples)))
 
-    def reduced(image: Any) -> Any:
-        return image.quantize(palette=palette, dither=Image.Dither.NONE)
+    def reduced(picture: Picture) -> Any:
+        return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
+    stream = _reported(studio)
     # a .gif counts in hundredths of a second, and viewers slow down what is faster than two of them
     duration_ms = 10 * max(2, round(100.0 / fps))
-    reduced(first).save(
-        path, save_all=True, append_images=(reduced(i) for i in stream), duration=duration_ms, loop=0, optimize=False
+    reduced(next(stream)).save(
+        path,
+        save_all=True,
+        append_images=(reduced(p) for p in stream),
+        duration=duration_ms,
+        loop=0,
+        optimize=False,
     )
 
 
-def _write_mp4(path: Path, pictures: Iterable[Picture], fps: float) -> None:
+def _palette(image: Any) -> Any:
+    """Return an image with 256 colours: most for the large areas, some for small marks of strong colour."""
+    from PIL import Image
+
+    areas = image.quantize(208, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    marks = image.quantize(48, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*areas.getpalette()[: 3 * 208], *marks.getpalette()[: 3 * 48]])
+    return palette
+
+
+def _write_mp4(path: Path, studio: Any, fps: float) -> None:
+    """Write an .mp4 (H.264)."""
     import imageio
 
-    with imageio.get_writer(path, format="FFMPEG", mode="I", fps=fps, quality=8, macro_block_size=2) as writer:
-        for picture in pictures:
+    with imageio.get_writer(
+        path, format="FFMPEG", mode="I", fps=fps, quality=8, macro_block_size=2
+    ) as writer:
+        for picture in _reported(studio):
             writer.append_data(picture)
 
 

@@ -113,7 +113,7 @@ class Progress:
                 console=Console(file=self.stream),
                 auto_refresh=False,
             )
-            self._task = self._bar.add_task("", total=total, of="?", speed="")
+            self._task = self._bar.add_task("", completed=done, total=total, of=total or "?", speed="")
             self._bar.start()
         self._bar.update(
             self._task,

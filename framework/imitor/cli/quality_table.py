@@ -52,8 +52,9 @@ def quality_table(metrics: Mapping[str, Any], *, short: bool = False) -> str:
         return "nothing was measured"
     most = len(rows)
     if short:
-        rows.sort(key=lambda row: _is_part(row[0], rows))
-        most = min(sum(not _is_part(row[0], rows) for row in rows), MOST_ROWS)
+        wholes = [row for row in rows if not _is_part(row[0], rows)]
+        most = min(len(wholes), MOST_ROWS)
+        rows = [*wholes, *(row for row in rows if row not in wholes)]
     shown = [["figure", "value", "max", "unit", ""], *rows[:most]]
     text = table(shown, right=(1, 2))
     if len(rows) > most:

@@ -31,8 +31,9 @@ pythonpath = ["."]
 _TEST: Final = '''\
 """Tests of the {kind} {name}."""
 
-from imitor_{name} import {cls}, {cls}Config
+from imitor_{name} import {cls}
 
+from imitor.registry import Registry
 from imitor.testing import check_component
 
 
@@ -40,8 +41,10 @@ def test_keeps_the_contract_of_its_kind() -> None:
     check_component({cls})
 
 
-def test_options_have_defaults() -> None:
-    assert {cls}Config() == {cls}.config_type()
+def test_is_found_under_its_name() -> None:
+    registry = Registry(entry_points=False)
+    registry.add({cls}, "imitor_{name}")
+    assert registry.get("{kind}", "{name}") is {cls}
 '''
 
 _PLUGIN: Final = '''\

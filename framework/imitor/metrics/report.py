@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 SCHEMA: Final = "imitor-metrics-1"
 METRICS_FILE: Final = "metrics.json"
 DIGITS: Final = 6
+ROUNDING: Final = 1e-12
+"""Smaller numbers are rounding errors of the arithmetic and are written as 0."""
 
 
 def evaluate(
@@ -91,4 +93,6 @@ def _rounded(value: Any) -> Any:
         return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_rounded(item) for item in value]
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+    if isinstance(value, float):
+        return 0.0 if abs(value) < ROUNDING else float(f"{value:.{DIGITS}g}")
+    return value

@@ -39,6 +39,8 @@ def check_card(name_or_path: str | Path, registry: Registry) -> list[Finding]:
         robot = RobotModel.from_card(card)
     except RobotError as error:
         return [Finding("error", str(error))]
+    except ValueError as error:  # the engine refuses, e.g. a link and a joint of one name
+        return [Finding("error", f"the model cannot be used: {error}")]
     found = [finding for rule in RULES for finding in rule(robot)]
     return sorted(found, key=lambda finding: LEVELS.index(finding.level))
 

@@ -81,7 +81,7 @@ def substitute(text: str, environment: Mapping[str, str]) -> str:
             )
         return found
 
-    if "${" in _SUBSTITUTION.sub("", text):
+    if "${" in _SUBSTITUTION.sub(" ", text):
         raise ValueError(f"'{text}' is no substitution; write ${{NAME}} or ${{NAME:default}}")
     return _SUBSTITUTION.sub(value, text)
 

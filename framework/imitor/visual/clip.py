@@ -128,13 +128,13 @@ def rows_at(time_s: Array, rate_hz: float, begin_s: float = 0.0, end_s: float | 
         begin_s: From where, counted from the first frame [s].
         end_s: Until where; the end where it is ``None`` [s].
     """
+    if len(time_s) == 1:
+        return np.zeros(1, dtype=np.intp)
     since = time_s - time_s[0]
     last = float(since[-1]) if end_s is None else min(end_s, float(since[-1]))
     begin_s = min(begin_s, last)
     wanted = begin_s + np.arange(int((last - begin_s) * rate_hz + 1e-6) + 1) / rate_hz
-    after = np.clip(np.searchsorted(since, wanted), 1, max(len(since) - 1, 1))
-    if len(since) == 1:
-        return np.zeros(1, dtype=np.intp)
+    after = np.clip(np.searchsorted(since, wanted), 1, len(since) - 1)
     nearer = after - (wanted - since[after - 1] < since[after] - wanted)
     return np.unique(nearer)
 

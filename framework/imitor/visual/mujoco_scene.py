@@ -13,12 +13,12 @@ import numpy as np
 from imitor.types import Array
 from imitor.visual.geometry import Part
 from imitor.visual.offscreen import import_mujoco
-from imitor.visual.stick import Stick
+from imitor.visual.stick import HEAD_COLOUR, HEAD_RADIUS, Stick
 
 _BACKGROUND: Final = (0.955, 0.965, 0.975)
-_FLOOR: Final = (0.90, 0.915, 0.93)
-_GRID: Final = (0.66, 0.70, 0.74)
-_SUN: Final = (0.30, 0.38, -1.0)
+_FLOOR: Final = (0.955, 0.965, 0.975)
+_GRID: Final = (0.70, 0.73, 0.77)
+_SUN: Final = (0.62, 0.40, -1.0)
 """Direction of the light that casts shadows, in the axes of the picture: away, to the left, up."""
 
 
@@ -54,6 +54,11 @@ class Scene:
         bodies = [self.model.body(f"joint{j}").id for j in self._joints]
         self._rows = self.model.body_mocapid[bodies]
         self._lamp = self.model.body_mocapid[self.model.body("lamp").id]
+
+    def allow(self, size: tuple[int, int]) -> None:
+        """Make the off-screen buffer of renderers made from now on large enough for pictures of a size [px]."""
+        settings = self.model.vis.global_
+        settings.offwidth, settings.offheight = size
 
     def pose(self, position: Array, quaternion: Array, target: Array) -> None:
         """Put the parts in place and the light over the point looked at.
@@ -101,7 +106,7 @@ class Pencil:
             self._mujoco.mjv_connector(geom, kind, radius, a, b)
 
     def human(
-        self, stick: Stick, position: Array, valid: np.ndarray, head: Array | None, head_radius: float, alpha: float
+        self, stick: Stick, position: Array, valid: np.ndarray, head: Array | None, alpha: float
     ) -> None:
         """Draw the stick figure of one frame; bones with an end that is not known are left out."""
         for (a, b), radius, rgb in zip(stick.bones, stick.bone_radius, stick.bone_colour, strict=True):
@@ -111,7 +116,7 @@ class Pencil:
             if valid[joint]:
                 self.sphere(position[joint], float(radius), rgb, alpha)
         if head is not None:
-            self.sphere(head, head_radius, stick.bone_colour[0], alpha)
+            self.sphere(head, HEAD_RADIUS, HEAD_COLOUR, alpha)
 
     def _add(
         self, kind: Any, size: Array, at: Array, rotation: Array, rgb: Sequence[float], alpha: float
@@ -153,7 +158,9 @@ def _add_floor(mujoco: Any, spec: Any) -> None:
         name="grid", type=mujoco.mjtTexture.mjTEXTURE_2D, builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
         mark=mujoco.mjtMark.mjMARK_EDGE, rgb1=_FLOOR, rgb2=_FLOOR, markrgb=_GRID, width=256, height=256,
     )  # fmt: skip
-    material = spec.add_material(name="floor", texuniform=True, texrepeat=(2.0, 2.0), specular=0.0, shininess=0.0)
+    material = spec.add_material(
+        name="floor", texuniform=True, texrepeat=(2.0, 2.0), specular=0.0, shininess=0.0
+    )
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 1.0), material="floor", contype=0, conaffinity=0

@@ -21,15 +21,18 @@ _REMEDY: Final = (
 
 def import_mujoco() -> Any:
     """Import MuJoCo; without a display it is told first to draw with EGL."""
-    if "mujoco" not in sys.modules and _headless():
+    if "mujoco" not in sys.modules and headless():
         os.environ.setdefault("MUJOCO_GL", "egl")
     import mujoco
 
     return mujoco
 
 
-def _headless() -> bool:
-    return platform.system() == "Linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def headless() -> bool:
+    """Tell whether there is no display to draw on."""
+    return platform.system() == "Linux" and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )
 
 
 def _context(width: int, height: int) -> Any:
@@ -37,9 +40,11 @@ def _context(width: int, height: int) -> Any:
     mujoco = import_mujoco()
     wanted = os.environ.get("MUJOCO_GL", "").lower().strip()
     if wanted in _OFF:
-        raise SinkError(f"no off-screen rendering here: MUJOCO_GL={wanted} switches it off; unset it, or {_REMEDY}")
+        raise SinkError(
+            f"no off-screen rendering here: MUJOCO_GL={wanted} switches it off; unset it, or {_REMEDY}"
+        )
     try:
-        if wanted == "egl" or (not wanted and _headless()):
+        if wanted == "egl" or (not wanted and headless()):
             from mujoco.egl import GLContext
         else:
             GLContext = mujoco.GLContext

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from imitor.types import Array
 from imitor.visual import camera
 from imitor.visual.clip import make_clip
 from imitor.visual.geometry import robot_parts
-from imitor.visual.stick import HEAD_RADIUS, head_centre, stick_figure
+from imitor.visual.stick import HEAD_COLOUR, HEAD_RADIUS, SIDE_COLOUR, head_centre, stick_figure
 
 TIMELINE: Final = "time"
 COM_COLOUR: Final = (242, 143, 33)
@@ -96,28 +96,30 @@ class RerunScene:
     def _send_human(self) -> None:
         rr, clip, human = self._rr, self._clip, self._human
         stick = stick_figure(clip.human_valid.any(axis=0))
-        for name, colour in _distinct(stick.bone_colour):
-            mine = np.all(stick.bone_colour == colour, axis=1)
+        for side, colour in SIDE_COLOUR.items():
+            mine = np.array([s == side for s in stick.bone_side], dtype=bool)
+            if not mine.any():
+                continue
             pairs = stick.bones[mine]
             shown = clip.human_valid[:, pairs].all(axis=2)
-            strips = human[:, pairs][shown]
             self._send_varying(
-                f"world/human/bones/{name}",
-                rr.LineStrips3D.columns(strips=list(strips)),
+                f"world/human/bones/{side}",
+                rr.LineStrips3D.columns(strips=list(human[:, pairs][shown])),
                 shown.sum(axis=1),
-                rr.LineStrips3D.from_fields(radii=float(stick.bone_radius[mine].mean()), colors=_bytes(colour)),
+                rr.LineStrips3D.from_fields(
+                    radii=float(stick.bone_radius[mine].mean()), colors=_bytes(colour)
+                ),
             )
-        for name, colour in _distinct(stick.joint_colour):
-            joints = stick.joints[np.all(stick.joint_colour == colour, axis=1)]
+            joints = stick.joints[[s == side for s in stick.joint_side]]
             shown = clip.human_valid[:, joints]
             self._send_varying(
-                f"world/human/joints/{name}",
+                f"world/human/joints/{side}",
                 rr.Points3D.columns(positions=human[:, joints][shown]),
                 shown.sum(axis=1),
                 rr.Points3D.from_fields(radii=float(stick.joint_radius.mean()), colors=_bytes(colour)),
             )
         heads = [head_centre(p, v) for p, v in zip(human, clip.human_valid, strict=True)]
-        self._send_points("world/human/head", heads, HEAD_RADIUS, _bytes(stick.bone_colour[0]))
+        self._send_points("world/human/head", heads, HEAD_RADIUS, _bytes(HEAD_COLOUR))
 
     def _send_targets(self) -> None:
         """Send the points that tasks ask for, in world; a task that is switched off has none."""
@@ -156,7 +158,9 @@ class RerunScene:
         style = rr.Points3D.from_fields(
             radii=radius, colors=colour, labels=[label] if label else None, show_labels=False
         )
-        self._send_varying(path, rr.Points3D.columns(positions=np.array(present).reshape(-1, 3)), counts, style)
+        self._send_varying(
+            path, rr.Points3D.columns(positions=np.array(present).reshape(-1, 3)), counts, style
+        )
 
     def _send_varying(self, path: str, columns: Any, counts: np.ndarray, style: Any) -> None:
         """Send columns of which every frame has its own number of elements; nothing where there is none at all."""
@@ -176,7 +180,9 @@ class RerunScene:
             self._send_series(f"plots/speed_rad_s/{group}", motion.time_s, speed[:, joints], names)
         inside = np.array(margins(self._clip.com[:, :2], self._hulls))
         known = np.isfinite(inside)
-        self._send_series("plots/com_margin_m", self._clip.time_s[known], inside[known, None], ["CoM margin [m]"])
+        self._send_series(
+            "plots/com_margin_m", self._clip.time_s[known], inside[known, None], ["CoM margin [m]"]
+        )
         times_ms = 1e3 * self._reference.compute_s[:, None]
         self._send_series("plots/frame_time_ms", motion.time_s, times_ms, ["time per frame [ms]"])
 
@@ -240,12 +246,6 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         np.add.at(out, faces[:, k], area)
     length = np.linalg.norm(out, axis=1, keepdims=True)
     return np.divide(out, length, out=np.full_like(out, 3**-0.5), where=length > 0).astype(np.float32)
-
-
-def _distinct(colours: Array) -> Iterator[tuple[str, Array]]:
-    """Yield a name and each distinct colour."""
-    for k, colour in enumerate(np.unique(colours, axis=0)):
-        yield f"colour{k}", colour
 
 
 def _bytes(colour: Sequence[float] | Array) -> tuple[int, int, int]:

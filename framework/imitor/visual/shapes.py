@@ -138,7 +138,9 @@ def thinned(surface: Surface, cell_m: float = CELL_M) -> Surface:
     faces = faces[(a != b) & (b != c) & (c != a)]
     faces = faces[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]]
     return Surface(
-        (vertices / count[:, None]).astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32), surface.rgba
+        (vertices / count[:, None]).astype(np.float32),
+        np.ascontiguousarray(faces, dtype=np.int32),
+        surface.rgba,
     )
 
 

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from imitor.types import ROLE_INDEX, Array, BoolArray
+from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray
 
 Colour = tuple[float, float, float]
 
-MIDDLE: Final[Colour] = (0.55, 0.61, 0.69)
-LEFT: Final[Colour] = (0.38, 0.59, 0.79)
-RIGHT: Final[Colour] = (0.86, 0.60, 0.52)
+HEAD_COLOUR: Final[Colour] = (0.55, 0.61, 0.69)
+SIDE_COLOUR: Final[Mapping[str, Colour]] = {
+    "middle": HEAD_COLOUR,
+    "left": (0.38, 0.59, 0.79),
+    "right": (0.86, 0.60, 0.52),
+}
 """Blue-grey trunk; the left limbs cooler, the right limbs warmer. Red, green, blue in 0 to 1."""
+_JOINT_SHADE: Final = 0.80
+"""Joints are this much darker than bones [-]."""
 
 _CHAINS: Final[tuple[tuple[str, ...], ...]] = (
     ("pelvis", "chest", "neck", "head"),
@@ -27,7 +33,14 @@ _CHAINS: Final[tuple[tuple[str, ...], ...]] = (
 )
 """Points joined one after the other; a point that is not known is left out, ``a|b`` is the first one known."""
 
-_THICK: Final = {"hip": 0.056, "knee": 0.052, "ankle": 0.042, "shoulder": 0.050, "elbow": 0.043, "wrist": 0.035}
+_LIMB_RADIUS: Final = {
+    "hip": 0.056,
+    "knee": 0.052,
+    "ankle": 0.042,
+    "shoulder": 0.050,
+    "elbow": 0.043,
+    "wrist": 0.035,
+}
 _MIDDLE_RADIUS: Final = 0.058
 _THIN_RADIUS: Final = 0.028
 HEAD_RADIUS: Final = 0.095  # [m]
@@ -39,17 +52,19 @@ class Stick:
 
     Attributes:
         bones: Pairs of role indices, shape (B, 2).
-        bone_radius: shape (B,) [m]; ``bone_colour`` (B, 3) in 0 to 1.
+        bone_radius: shape (B,) [m]; ``bone_colour`` (B, 3) in 0 to 1; ``bone_side`` of each: a key of `SIDE_COLOUR`.
         joints: Role indices of the drawn joints, shape (J,).
-        joint_radius: shape (J,) [m]; ``joint_colour`` (J, 3) in 0 to 1.
+        joint_radius: shape (J,) [m]; ``joint_colour`` (J, 3) in 0 to 1; ``joint_side``.
     """
 
     bones: np.ndarray
     bone_radius: Array
     bone_colour: Array
+    bone_side: Sequence[str]
     joints: np.ndarray
     joint_radius: Array
     joint_colour: Array
+    joint_side: Sequence[str]
 
 
 def stick_figure(known: BoolArray) -> Stick:
@@ -67,14 +82,16 @@ def stick_figure(known: BoolArray) -> Stick:
             bones.append((ROLE_INDEX[a], ROLE_INDEX[b]))
             names.append(b)
     joints = list(dict.fromkeys(i for bone in bones for i in bone if i != ROLE_INDEX["head"]))
-    roles = list(ROLE_INDEX)
+    drawn = [ROLES[j] for j in joints]
     return Stick(
         bones=np.array(bones, dtype=np.int32).reshape(-1, 2),
         bone_radius=np.array([0.72 * _radius(n) for n in names]),
-        bone_colour=np.array([_colour(n) for n in names]).reshape(-1, 3),
+        bone_colour=np.array([SIDE_COLOUR[_side(n)] for n in names]).reshape(-1, 3),
+        bone_side=[_side(n) for n in names],
         joints=np.array(joints, dtype=np.int32),
-        joint_radius=np.array([_radius(roles[j]) for j in joints]),
-        joint_colour=0.80 * np.array([_colour(roles[j]) for j in joints]).reshape(-1, 3),
+        joint_radius=np.array([_radius(r) for r in drawn]),
+        joint_colour=_JOINT_SHADE * np.array([SIDE_COLOUR[_side(r)] for r in drawn]).reshape(-1, 3),
+        joint_side=[_side(r) for r in drawn],
     )
 
 
@@ -94,10 +111,12 @@ def head_centre(position: Array, valid: BoolArray) -> Array | None:
     return np.asarray(position[head])
 
 
-def _colour(role: str) -> Colour:
-    return LEFT if role.startswith("left_") else RIGHT if role.startswith("right_") else MIDDLE
+def _side(role: str) -> str:
+    side = role.partition("_")[0]
+    return side if side in SIDES else "middle"
 
 
 def _radius(role: str) -> float:
-    side, _, part = role.partition("_")
-    return _THICK.get(part, _THIN_RADIUS) if side in ("left", "right") else _MIDDLE_RADIUS
+    return (
+        _MIDDLE_RADIUS if _side(role) == "middle" else _LIMB_RADIUS.get(role.partition("_")[2], _THIN_RADIUS)
+    )

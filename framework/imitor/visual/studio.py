@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,11 +12,10 @@ from imitor.robot.model import RobotModel
 from imitor.types import Array
 from imitor.visual import camera
 from imitor.visual.clip import make_clip
-from imitor.visual.geometry import Part, robot_parts
+from imitor.visual.geometry import robot_parts
 from imitor.visual.mujoco_scene import Pencil, Scene
 from imitor.visual.offscreen import Offscreen
-from imitor.visual.shapes import thinned
-from imitor.visual.stick import HEAD_RADIUS, head_centre, stick_figure
+from imitor.visual.stick import head_centre, stick_figure
 
 SUPPORT_COLOUR: Final = (0.18, 0.62, 0.47)
 COM_COLOUR: Final = (0.95, 0.56, 0.13)
@@ -71,20 +69,24 @@ class Studio:
         self._human = clip.human + layout.shift
         human_points = human_points + layout.shift
         self.view = view = camera.frame_all(clip, robot_points, human_points, layout, size[0] / size[1])
-        self._scene = Scene(
-            _for_distance(parts, view.distance, size[1]),
-            size,
-            camera.FIELD_OF_VIEW,
-            view.azimuth,
-            view.reach + _SHADOW_ROOM,
-        )
-        self._offscreen = Offscreen(self._scene.model, size)
-        cam = self._offscreen.camera
-        cam.azimuth, cam.elevation = np.degrees(view.azimuth), np.degrees(view.elevation)
-        cam.distance = view.distance
+        self._scene = Scene(parts, size, camera.FIELD_OF_VIEW, view.azimuth, view.reach + _SHADOW_ROOM)
+        self._offscreen = self._new_offscreen(size)
 
     def __len__(self) -> int:
         return len(self._clip)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Render the next pictures larger or smaller, width and height [px]; the shape should stay."""
+        self._offscreen.close()
+        self._scene.allow(size)
+        self._offscreen = self._new_offscreen(size)
+
+    def _new_offscreen(self, size: tuple[int, int]) -> Offscreen:
+        offscreen = Offscreen(self._scene.model, size)
+        cam = offscreen.camera
+        cam.azimuth, cam.elevation = np.degrees(self.view.azimuth), np.degrees(self.view.elevation)
+        cam.distance = self.view.distance
+        return offscreen
 
     def picture(self, i: int) -> NDArray[np.uint8]:
         """Render one frame, shape (height, width, 3)."""
@@ -95,7 +97,7 @@ class Studio:
         pencil = Pencil(self._offscreen.scene)
         valid = clip.human_valid[i]
         head = head_centre(self._human[i], valid)
-        pencil.human(self._stick, self._human[i], valid, head, HEAD_RADIUS, self._alpha)
+        pencil.human(self._stick, self._human[i], valid, head, self._alpha)
         if self._balance:
             self._mark_balance(pencil, i)
         return self._offscreen.picture()
@@ -113,9 +115,3 @@ class Studio:
         pencil.projection(clip.com[i], COM_COLOUR)
         if np.isfinite(clip.human_com[i]).all():
             pencil.projection(clip.human_com[i] + self._shift, HUMAN_COM_COLOUR, self._alpha)
-
-
-def _for_distance(parts: list[Part], distance: float, height_px: int) -> list[Part]:
-    """Thin out what is finer than a pixel."""
-    pixel = 2.0 * distance * np.tan(0.5 * camera.FIELD_OF_VIEW) / height_px
-    return [replace(p, surface=thinned(p.surface, float(pixel))) for p in parts]
