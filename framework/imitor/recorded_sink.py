@@ -61,7 +61,7 @@ class RecordedSink(Sink[C]):
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[Path]:
-    """Yield a temporary path that becomes ``path`` on success; what the file system refuses is a `SinkError`."""
+    """Yield a temporary path that becomes ``path`` on success; what the disk refuses is a `SinkError`."""
     with refusals(path), atomic(path) as temporary:
         yield temporary
 

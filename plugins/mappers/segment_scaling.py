@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,11 @@ class SegmentScalingConfig(Config):
     """Options of segment scaling."""
 
     anchor: bool = Field(True, description="Fix the support foot to the world exactly; no: feet are tasks only.")
+    free_foot: Literal["position", "ground"] = Field(
+        "position",
+        description="What the foot task holds of a foot in the air: position, its scaled place; ground, only height "
+        "and level near the floor, so that the leg's directions place it.",
+    )
     flat_below_m: float = Field(
         0.04, gt=0, description="A free foot with heel and toes lower than this is held flat [m]."
     )
@@ -34,8 +39,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     Works from the points of each single frame; no calibration of the actor. Declares the directions of the nine main
     segments, positions of hands and head, poses of both feet, orientations of waist and chest, the CoM and the
-    standing posture. A foot that stands keeps all six coordinates, one near the ground five (its heading is free), one
-    higher up only its position; where a free foot would like to point are the tasks `left_sole` and `right_sole`.
+    standing posture. A foot that stands keeps all six coordinates; near the ground its heading is free, higher up its whole
+    turn. Where a free foot would like to point are the tasks `left_sole` and `right_sole`.
     """
 
     name = "segment_scaling"
@@ -62,6 +67,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._body = ScaledBody(robot, self.skeleton)
         self._settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
         self._footing = Footing(robot, self.skeleton, self._settings, self.dt_s)
+        self._ground_only = config.free_foot == "ground"
         index = self._body.segments.index
         self._directions = [
             (stack.declare(name, TaskKind.DIRECTION, frame=distal, relative_to=proximal), index(name))
@@ -88,7 +94,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame."""
-        body, footing = self._body, self._footing
+        config, body, footing = self.config, self._body, self._footing
         body.take(frame)
         direction = body.direction
         for task, i in self._directions:
@@ -107,13 +113,15 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         stack.contact[:] = footing.contact
         for task, sole, foot, stands in zip(self._feet, self._soles, footing.feet, footing.contact, strict=True):
             task.target[:] = foot.pose
-            task.active[0] = True
             level = stands or foot.freedom(self._settings) < 1.0
+            placed = stands or not self._ground_only
+            task.mask[:2], task.mask[2] = placed, placed or foot.clearance < config.free_above_m
             task.mask[3:5], task.mask[5] = level, stands
+            task.active[0] = placed or level or bool(task.mask[2])
             sole.active[0] = not stands
             sole.target[:] = foot.pose[:3, :3]
         stack.anchor = ""
-        if self.config.anchor and footing.anchor >= 0:
+        if config.anchor and footing.anchor >= 0:
             held = footing.feet[footing.anchor]
             stack.anchor = held.role
             stack.anchor_pose[:] = held.pose

@@ -1,4 +1,4 @@
-"""A recording for the Rerun viewer: human, robot, targets and balance in space; joints, margin and time as plots."""
+"""A recording for the Rerun viewer: human, robot, targets and balance in space, and plots."""
 
 from __future__ import annotations
 
@@ -52,7 +52,8 @@ class Rerun(RecordedSink[RerunConfig]):
         super().open(run)
         if run.view and headless():
             raise SinkError(
-                "sink 'rerun': there is no display here for the viewer; run without --view and open the .rrd file elsewhere"
+                "sink 'rerun': there is no display here for the viewer; "
+                "run without --view and open the .rrd file elsewhere"
             )
         self._path = self.folder_of(Path(self.config.path))
 
@@ -67,7 +68,8 @@ class Rerun(RecordedSink[RerunConfig]):
                 stream.spawn()
             except (OSError, RuntimeError) as error:
                 raise SinkError(
-                    f"sink 'rerun': the viewer cannot be opened: {error}; run without --view and open the .rrd file"
+                    f"sink 'rerun': the viewer cannot be opened: {error}; "
+                    "run without --view and open the .rrd file"
                 ) from error
             self._scene().send(stream)
             stream.flush()

@@ -36,7 +36,7 @@ class VideoConfig(Config):
     )
     format: Literal["gif", "mp4", "none"] = Field(
         "gif",
-        description="Format of the video; mp4 needs imageio[ffmpeg]; none writes the contact sheet alone [-].",
+        description="Format of the video; mp4 needs imageio[ffmpeg]; none for the contact sheet alone [-].",
     )
     layout: Literal["beside", "overlay"] = Field(
         "beside", description="Human beside the robot at the same scale, or over it, half transparent [-]."
@@ -65,7 +65,7 @@ class VideoConfig(Config):
 
 
 class Video(RecordedSink[VideoConfig]):
-    """Renders human and robot side by side into a .gif or .mp4 and a contact sheet (.png), without a display."""
+    """Renders human and robot into a .gif or .mp4 and a contact sheet (.png), without a display."""
 
     name = "video"
 
@@ -81,7 +81,8 @@ class Video(RecordedSink[VideoConfig]):
         self._stem = self.folder_of(Path(self.config.path))
         if self.config.format == "mp4" and importlib.util.find_spec("imageio_ffmpeg") is None:
             raise SinkError(
-                "sink 'video': an mp4 needs the package imageio[ffmpeg]: pip install 'imageio[ffmpeg]', or choose format: gif"
+                "sink 'video': an mp4 needs the package imageio[ffmpeg]; "
+                "pip install 'imageio[ffmpeg]', or choose format: gif"
             )
         check_rendering()
 

@@ -89,9 +89,25 @@ class IterativeSolver(Solver[C]):
         self._iterate(stack, state.q, (start - fast, start + fast), self.config.iterations)
 
     def settle(self, stack: TaskStack, state: Configuration) -> None:
-        """Solve the first frame without speed limits."""
-        far = (-self._unlimited, self._unlimited)
-        self._iterate(stack, state.q, far, self.config.settle_iterations)
+        """Solve the first frame without speed limits, from several postures; the best end wins.
+
+        Arms and legs have several ways to point in a direction, and joint limits between them: from one posture
+        alone a limb may end at a limit and stay there.
+        """
+        robot, far = self.robot, (-self._unlimited, self._unlimited)
+        best, best_error = state.q.copy(), np.inf
+        for joints in (state.q[7:].copy(), robot.joint_values(robot.card.t_pose), self._middle):
+            q = state.q.copy()
+            q[7:] = joints
+            robot.update(q)
+            self._iterate(stack, q, far, self.config.settle_iterations)
+            layout = self._rows.layout()
+            self._rows.assemble(layout, jacobian=False)
+            error = float(layout.e @ layout.e)
+            if error < 0.9 * best_error:
+                best, best_error = q, error
+        state.q[:] = best
+        robot.update(state.q)
 
     def _iterate(self, stack: TaskStack, q: Array, reach: Bounds, most: int) -> None:
         robot, config = self.robot, self.config

@@ -1,1 +1,1 @@
-"""How a run looks: surfaces of robots, the human's stick figure, the scene and its camera. Shared by viewers."""
+"""How a run looks: surfaces of robots, the human's stick figure, scene and camera. Shared by viewers."""

@@ -86,8 +86,8 @@ def human_corners(clip: Clip) -> Array:
 def arrange(clip: Clip, robot: Array, human: Array, *, beside: bool, gap_m: float = 0.25) -> Layout:
     """Choose the direction of view and place the human: in the picture left of the robot, or over it.
 
-    Beside means: at the same distance from the camera on average, so that sizes can be compared, and so far to the left
-    that the two never overlap.
+    Beside means: at the same distance from the camera on average, so that sizes can be compared, and so far
+    to the left that the two never overlap.
 
     Args:
         clip: The frames.
@@ -109,10 +109,10 @@ def arrange(clip: Clip, robot: Array, human: Array, *, beside: bool, gap_m: floa
 
 
 def frame_all(clip: Clip, robot: Array, human: Array, layout: Layout, aspect: float) -> View:
-    """Return the camera that follows the middle of both figures and stands just far enough to see all of both.
+    """Return the camera that follows the middle of both figures, just far enough away to see all of both.
 
-    A point at ``p`` from the point looked at is inside the picture where ``|p . r| <= tan(half angle) (d + p . f)``
-    with the camera's right (or up) ``r`` and forward ``f``; the distance ``d`` is the largest of these bounds.
+    A point at ``p`` from the point looked at is seen where ``|p . r| <= tan(half angle) (d + p . f)``
+    with the camera's right (or up) ``r`` and forward ``f``; the distance ``d`` is the least that meets all.
 
     Args:
         clip: The frames.

@@ -1,4 +1,4 @@
-"""What is shown of a run: where the robot's joints, soles and CoM and the human's points are, frame by frame."""
+"""What is shown of a run: the robot's joints, soles and CoM and the human's points, frame by frame."""
 
 from __future__ import annotations
 
@@ -46,15 +46,20 @@ class Clip:
         return len(self.time_s)
 
     def support_polygon(self, i: int) -> list[Point]:
-        """Return the corners on the floor of the feet the robot stands on in frame ``i`` [m]; may be empty."""
+        """Return the corners of the hull of the feet that stand in frame ``i`` [m]; may be empty."""
         corners = self.sole[i][self.contact[i]].reshape(-1, 3)
         return convex_hull([(float(x), float(y)) for x, y, _ in corners])
+
+    @property
+    def human_known(self) -> BoolArray:
+        """Which roles are known in any frame, shape (R,)."""
+        return np.asarray(self.human_valid.any(axis=0))
 
     @property
     def human_centre(self) -> Array:
         """Middle of the human's trunk or, where it is not known, of all known points, shape (T, 3) [m].
 
-        Frames without any point repeat the nearest one before or after; a clip without human gives the robot's base.
+        Frames without any point lie between their neighbours; a clip without human gives the robot's base.
         """
         trunk = [ROLE_INDEX[r] for r in ("pelvis", "left_hip", "right_hip", "chest")]
         with warnings.catch_warnings():

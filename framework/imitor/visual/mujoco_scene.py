@@ -1,4 +1,4 @@
-"""A MuJoCo model that only shows a robot: its parts as bodies that are put where kinematics says, a floor, light.
+"""A MuJoCo model that only shows a robot: its parts, put where kinematics says, on a floor, in a soft light.
 
 Any robot can be shown, whatever its model file: masses, joints and contacts play no part.
 """
@@ -56,7 +56,7 @@ class Scene:
         self._lamp = self.model.body_mocapid[self.model.body("lamp").id]
 
     def allow(self, size: tuple[int, int]) -> None:
-        """Make the off-screen buffer of renderers made from now on large enough for pictures of a size [px]."""
+        """Make room for pictures of this size in renderers made from now on [px]."""
         settings = self.model.vis.global_
         settings.offwidth, settings.offheight = size
 
@@ -85,12 +85,12 @@ class Pencil:
     def sphere(self, at: Array, radius: float, rgb: Sequence[float], alpha: float = 1.0) -> None:
         """Draw a ball."""
         kind = self._mujoco.mjtGeom.mjGEOM_SPHERE
-        self._add(kind, np.full(3, radius), at, np.eye(3), rgb, alpha)
+        self._add(kind, np.full(3, radius), at, (*rgb, alpha))
 
     def disc(self, at: Array, radius: float, rgb: Sequence[float], alpha: float = 1.0) -> None:
         """Draw a thin round plate that lies flat."""
         kind = self._mujoco.mjtGeom.mjGEOM_CYLINDER
-        self._add(kind, np.array([radius, 0.002, 0.0]), at, np.eye(3), rgb, alpha)
+        self._add(kind, np.array([radius, 0.002, 0.0]), at, (*rgb, alpha))
 
     def projection(self, point: Array, rgb: Sequence[float], alpha: float = 1.0) -> None:
         """Mark a point's projection on the floor by a disc, joined to the point by a thin line."""
@@ -101,7 +101,7 @@ class Pencil:
     def capsule(self, a: Array, b: Array, radius: float, rgb: Sequence[float], alpha: float = 1.0) -> None:
         """Draw a capsule from one point to another."""
         kind = self._mujoco.mjtGeom.mjGEOM_CAPSULE
-        geom = self._add(kind, np.zeros(3), np.zeros(3), np.eye(3), rgb, alpha)
+        geom = self._add(kind, np.zeros(3), np.zeros(3), (*rgb, alpha))
         if geom is not None:
             self._mujoco.mjv_connector(geom, kind, radius, a, b)
 
@@ -118,15 +118,13 @@ class Pencil:
         if head is not None:
             self.sphere(head, HEAD_RADIUS, HEAD_COLOUR, alpha)
 
-    def _add(
-        self, kind: Any, size: Array, at: Array, rotation: Array, rgb: Sequence[float], alpha: float
-    ) -> Any | None:
+    def _add(self, kind: Any, size: Array, at: Array, rgba: Sequence[float]) -> Any | None:
         scene = self._scene
         if scene.ngeom >= scene.maxgeom:
             return None
         geom = scene.geoms[scene.ngeom]
-        rgba = np.array([*rgb, alpha], dtype=np.float32)
-        self._mujoco.mjv_initGeom(geom, kind, size, np.asarray(at, dtype=float), rotation.ravel(), rgba)
+        colour = np.array(rgba, dtype=np.float32)
+        self._mujoco.mjv_initGeom(geom, kind, size, np.asarray(at, dtype=float), np.eye(3).ravel(), colour)
         geom.category = self._mujoco.mjtCatBit.mjCAT_DYNAMIC  # decoration would cast no shadow
         geom.specular, geom.shininess = 0.25, 0.4
         scene.ngeom += 1
@@ -168,7 +166,7 @@ def _add_floor(mujoco: Any, spec: Any) -> None:
 
 
 def _add_lamps(mujoco: Any, spec: Any, azimuth: float) -> None:
-    """Hang the lamps on a body that goes along with the camera, so that shadows stay sharp far from the origin."""
+    """Hang the lamps on a body that goes along with the camera: shadows stay sharp far from the origin."""
     lamp = spec.worldbody.add_body(name="lamp", mocap=True)
     ca, sa = np.cos(azimuth), np.sin(azimuth)
     away, left, up = _SUN

@@ -1,4 +1,7 @@
-"""A run as entities of the Rerun viewer. Whole columns are sent, never single frames: that is a hundred times faster."""
+"""A run as entities of the Rerun viewer.
+
+Whole columns are sent, never single frames: that is a hundred times faster.
+"""
 
 from __future__ import annotations
 
@@ -95,7 +98,7 @@ class RerunScene:
 
     def _send_human(self) -> None:
         rr, clip, human = self._rr, self._clip, self._human
-        stick = stick_figure(clip.human_valid.any(axis=0))
+        stick = stick_figure(clip.human_known)
         for side, colour in SIDE_COLOUR.items():
             mine = np.array([s == side for s in stick.bone_side], dtype=bool)
             if not mine.any():
@@ -163,7 +166,7 @@ class RerunScene:
         )
 
     def _send_varying(self, path: str, columns: Any, counts: np.ndarray, style: Any) -> None:
-        """Send columns of which every frame has its own number of elements; nothing where there is none at all."""
+        """Send columns with another number of elements in each frame; nothing where there are none at all."""
         if counts.sum():
             self._stream.log(path, style, static=True)
             self._stream.send_columns(path, self._time, columns.partition(counts))
@@ -245,7 +248,8 @@ def _normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for k in range(3):
         np.add.at(out, faces[:, k], area)
     length = np.linalg.norm(out, axis=1, keepdims=True)
-    return np.divide(out, length, out=np.full_like(out, 3**-0.5), where=length > 0).astype(np.float32)
+    unit = np.divide(out, length, out=np.full_like(out, 3**-0.5), where=length > 0)
+    return np.asarray(unit, dtype=np.float32)
 
 
 def _bytes(colour: Sequence[float] | Array) -> tuple[int, int, int]:

@@ -17,7 +17,7 @@ Colour4 = tuple[float, float, float, float]
 GREY: Final[Colour4] = (0.72, 0.73, 0.75, 1.0)
 
 CELL_M: Final = 0.0025
-"""Vertices of a dense mesh that lie in one cube of this size become one [m]; smaller than a pixel of a video."""
+"""Vertices of a dense mesh in one cube of this size become one [m]; less than a pixel of a video."""
 DENSE_FACES: Final = 4000
 """Meshes with more triangles than this are thinned out."""
 

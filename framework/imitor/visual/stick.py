@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -31,7 +32,7 @@ _CHAINS: Final[tuple[tuple[str, ...], ...]] = (
     ("left_ankle", "left_heel", "left_toe"),
     ("right_ankle", "right_heel", "right_toe"),
 )
-"""Points joined one after the other; a point that is not known is left out, ``a|b`` is the first one known."""
+"""Points joined one after the other; an unknown one is left out, ``a|b`` is the first one known."""
 
 _LIMB_RADIUS: Final = {
     "hip": 0.056,
@@ -52,7 +53,7 @@ class Stick:
 
     Attributes:
         bones: Pairs of role indices, shape (B, 2).
-        bone_radius: shape (B,) [m]; ``bone_colour`` (B, 3) in 0 to 1; ``bone_side`` of each: a key of `SIDE_COLOUR`.
+        bone_radius: shape (B,) [m]; ``bone_colour`` (B, 3) in 0 to 1; ``bone_side``: keys of `SIDE_COLOUR`.
         joints: Role indices of the drawn joints, shape (J,).
         joint_radius: shape (J,) [m]; ``joint_colour`` (J, 3) in 0 to 1; ``joint_side``.
     """
@@ -78,7 +79,7 @@ def stick_figure(known: BoolArray) -> Stick:
     for chain in _CHAINS:
         alternatives = [next((r for r in link.split("|") if known[ROLE_INDEX[r]]), "") for link in chain]
         present = [r for r in alternatives if r]
-        for a, b in zip(present, present[1:], strict=False):
+        for a, b in itertools.pairwise(present):
             bones.append((ROLE_INDEX[a], ROLE_INDEX[b]))
             names.append(b)
     joints = list(dict.fromkeys(i for bone in bones for i in bone if i != ROLE_INDEX["head"]))

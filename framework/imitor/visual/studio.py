@@ -61,7 +61,7 @@ class Studio:
         self.time_s: Array = clip.time_s
         self._balance = balance
         self._alpha = 1.0 if beside else 0.45
-        self._stick = stick_figure(clip.human_valid.any(axis=0))
+        self._stick = stick_figure(clip.human_known)
         parts = robot_parts(robot)
         robot_points, human_points = camera.robot_corners(clip, parts), camera.human_corners(clip)
         layout = camera.arrange(clip, robot_points, human_points, beside=beside)

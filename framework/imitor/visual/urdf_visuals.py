@@ -106,7 +106,7 @@ def _visual(link: str, element: ET.Element, named: dict[str, Colour4], files: Mo
 
 
 def find_mesh(name: str, files: ModelFiles) -> Path | None:
-    """Return the file of a mesh named in a URDF: ``package://``, ``file://``, absolute, or beside the model."""
+    """Return the file of a mesh in a URDF: ``package://``, ``file://``, absolute, or beside the model."""
     if name.startswith("package:"):
         inside = name.removeprefix("package:").lstrip("/")
         tail = inside.partition("/")[2]
