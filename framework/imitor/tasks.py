@@ -98,6 +98,7 @@ class TaskStack:
     def __init__(self, n_joints: int) -> None:
         self._n_joints = n_joints
         self._tasks: dict[str, Task] = {}
+        self._places: dict[str, slice] = {}
         self._compiled = False
         self.anchor = ""
         self.anchor_pose: Array = np.eye(4)
@@ -133,6 +134,7 @@ class TaskStack:
         self.flat_switch = np.ones(n_mask + len(sizes), dtype=bool)
         self.flat_gain = np.ones(len(sizes))
         at = m = 0
+        self._places = {}
         for i, (task, size, mask) in enumerate(zip(self, sizes, masks, strict=True)):
             task.target = self.flat_target[at : at + size].reshape(self.target_shape(task.kind))
             task.mask = self.flat_switch[m : m + mask]
@@ -140,8 +142,13 @@ class TaskStack:
             task.gain = self.flat_gain[i : i + 1]
             if task.target.ndim == 2:
                 task.target[:] = np.eye(task.target.shape[0])
+            self._places[task.name] = slice(at, at + size)
             at, m = at + size, m + mask
         self._compiled = True
+
+    def place_of(self, name: str) -> slice:
+        """Return where a task's target lies in ``flat_target``; its gain lies at the task's place in ``names``."""
+        return self._places[name]
 
     @property
     def compiled(self) -> bool:

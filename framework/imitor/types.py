@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+IntArray = NDArray[np.int_]
 
 _SIDED: Final = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "heel", "toe", "toe_tip")
 

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
+from math import dist
 from typing import Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from imitor import Component, Config, Filter, HumanFrame, Support, hookimpl
-from imitor.types import ROLE_INDEX, SIDES, Array
-
-
-_BOTH = np.arange(2)
+from imitor.types import ROLE_INDEX, SIDES
 
 
 class SupportByHeightConfig(Config):
@@ -44,52 +41,41 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
 
     def start(self) -> None:
         """Look up the points."""
+        heights = {"ankle": self.skeleton.ankle_height_m, "toe": self.skeleton.toe_height_m}
         self._points = [
-            [
-                (ROLE_INDEX[f"{side}_{role}"], height)
-                for role, height in (
-                    ("ankle", self.skeleton.ankle_height_m),
-                    ("toe", self.skeleton.toe_height_m),
-                )
-                if self.skeleton.has(f"{side}_{role}")
-            ]
+            [(ROLE_INDEX[f"{side}_{role}"], h) for role, h in heights.items() if self.skeleton.has(f"{side}_{role}")]
             for side in SIDES
         ]
-        self._index = np.array([[i for i, _ in points] for points in self._points])
-        self._height = np.array([[h for _, h in points] for points in self._points])
         self.reset()
 
     def reset(self) -> None:
         """Forget the last contact."""
         self._contact = [False, False]
-        self._last: Array | None = None
+        self._last: list[list[list[float]]] = [[], []]
 
     def step(self, frame: HumanFrame) -> HumanFrame:
         """Bind the frame's support."""
         if self.config.keep and frame.support is not None:
             return frame
-        config = self.config
-        points = frame.position[self._index]  # (2, K, 3)
-        heights = points[..., 2] - self._height
-        which = heights.argmax(axis=1) if config.points == "flat" else heights.argmin(axis=1)
-        height = heights[_BOTH, which]
-        speed = (0.0, 0.0)
-        if config.speed_m_s is not None:
-            if self._last is not None:
-                moved = (points - self._last)[_BOTH, heights.argmin(axis=1)]
-                speed = tuple(np.sqrt((moved * moved).sum(axis=1)) / self.dt_s)
-            self._last = points
-        for i in range(2):
-            if np.isnan(height[i]):
-                continue  # not seen: as in the last frame
-            stood = self._contact[i]
-            low = height[i] < config.threshold_m + (config.hysteresis_m if stood else 0.0)
-            slow = config.speed_m_s is None or speed[i] < config.speed_m_s * (
-                config.speed_hysteresis if stood else 1.0
-            )
-            self._contact[i] = bool(low and slow)
+        for i, points in enumerate(self._points):
+            if points and all(frame.valid[k] for k, _ in points):  # else not seen: as in the last frame
+                now = [frame.position[k].tolist() for k, _ in points]
+                self._contact[i] = self._stands(i, now, [p[2] - h for p, (_, h) in zip(now, points, strict=True)])
+                self._last[i] = now
         frame.support = Support(*self._contact)
         return frame
+
+    def _stands(self, foot: int, now: list[list[float]], heights: list[float]) -> bool:
+        """Decide for one foot from its points, shape (K, 3) [m], and their heights over standing [m]."""
+        config, stood = self.config, self._contact[foot]
+        height = max(heights) if config.points == "flat" else min(heights)
+        if height >= config.threshold_m + (config.hysteresis_m if stood else 0.0):
+            return False
+        if config.speed_m_s is None or not self._last[foot]:
+            return True
+        lowest = heights.index(min(heights))
+        speed = dist(now[lowest], self._last[foot][lowest]) / self.dt_s
+        return speed < config.speed_m_s * (config.speed_hysteresis if stood else 1.0)
 
 
 @hookimpl

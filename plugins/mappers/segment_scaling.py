@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import hypot
 from typing import Any, Literal
 
 import numpy as np
@@ -60,10 +61,12 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     def declare(self, stack: TaskStack) -> None:
         """Declare the tasks the robot has frames for."""
+        from imitor.ik.vectors import cross3
         from imitor.mapping.footing import FootSettings, Footing
         from imitor.mapping.scaled_body import POINTS, ScaledBody
 
         robot, config = self.robot, self.config
+        self._cross3 = cross3
         self._body = ScaledBody(robot, self.skeleton)
         self._settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
         self._footing = Footing(robot, self.skeleton, self._settings, self.dt_s)
@@ -129,15 +132,16 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     def _write_frames(self, direction: np.ndarray) -> None:
         """Orientations of waist and chest: left from the hips and shoulders, up from the torso."""
-        from imitor.ik.vectors import cross, unit
-
-        up = direction[self._torso]
-        left = direction[[self._hips, self._shoulders]]
-        # The torso's direction is the chest's up; the waist shares it as far as its own left allows.
-        forward = unit(cross(left, up))
-        for task, x, y in zip((self._waist, self._chest), forward, left, strict=True):
-            task.target[:, 0], task.target[:, 1] = x, y
-            task.target[:, 2] = cross(x, y)
+        up = direction[self._torso].tolist()
+        for task, line in ((self._waist, self._hips), (self._chest, self._shoulders)):
+            y = direction[line].tolist()
+            x = self._cross3(y, up)
+            norm = hypot(*x)
+            if norm < 1e-3:
+                continue  # torso along the line of hips or shoulders: as in the last frame
+            x = (x[0] / norm, x[1] / norm, x[2] / norm)
+            z = self._cross3(x, y)
+            task.target[:] = ((x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2]))
 
 
 @hookimpl

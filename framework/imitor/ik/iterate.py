@@ -32,7 +32,9 @@ class IterativeConfig(Config):
         {"limits": -0.10, "posture": -0.02},
         description="Gradient terms in the last null space: kappa of `limits` (eq. 7) and of `posture` (eq. 8) [-].",
     )
-    iterations: int = Field(2, ge=1, le=1000, description="Most iterations per frame [-].")
+    iterations: int | None = Field(
+        None, ge=1, le=1000, description="Most iterations per frame; none: 1 from 90 Hz on, else 2 [-]."
+    )
     tolerance: float = Field(
         1e-4, ge=0, description="Stop when no task of a frame is further off than this [m or rad]."
     )
@@ -81,12 +83,13 @@ class IterativeSolver(Solver[C]):
         self._independent = None if robot.coupling is None else robot.coupling.argmax(axis=0)
         self._step_limit = robot.speed * self.dt_s
         self._unlimited = np.full(robot.n, np.inf)
+        self._iterations = self.config.iterations or (1 if self.dt_s <= 1.0 / 90.0 else 2)
 
     def step(self, stack: TaskStack, state: Configuration) -> None:
         """Solve one frame from where the last one ended."""
         start = state.q[7:].copy()
         fast = self._step_limit if self.config.speed_limits else self._unlimited
-        self._iterate(stack, state.q, (start - fast, start + fast), self.config.iterations)
+        self._iterate(stack, state.q, (start - fast, start + fast), self._iterations)
 
     def settle(self, stack: TaskStack, state: Configuration) -> None:
         """Solve the first frame without speed limits, from several postures; the best end wins.
@@ -111,7 +114,7 @@ class IterativeSolver(Solver[C]):
 
     def _iterate(self, stack: TaskStack, q: Array, reach: Bounds, most: int) -> None:
         robot, config = self.robot, self.config
-        if stack.anchor:
+        if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
             robot.place(q, stack.anchor, stack.anchor_pose)
         layout = self._rows.layout()
         for _ in range(most):

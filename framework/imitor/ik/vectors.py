@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from imitor.types import Array
@@ -16,6 +18,11 @@ def cross(a: Array, b: Array) -> Array:
     out[..., 1] = a2 * b0 - a0 * b2
     out[..., 2] = a0 * b1 - a1 * b0
     return out
+
+
+def cross3(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    """Return a x b of two single vectors given as floats; for one vector plain floats beat arrays."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def skew(p: Array) -> Array:
@@ -44,8 +51,3 @@ def tangent_basis(d: Array) -> Array:
     out[:, 1, 1] = sign + y * y * a
     out[:, 1, 2] = -y
     return out
-
-
-def unit(v: Array) -> Array:
-    """Return vectors divided by their lengths over the last axis; NaN for a zero vector."""
-    return v / np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]

@@ -9,14 +9,17 @@ flat before it lands, about whatever heading the leg gives it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import atan2, cos, exp, hypot, sin, sqrt
 from typing import Final
 
 import numpy as np
 
+from imitor.ik.vectors import cross3
 from imitor.robot.model import RobotModel
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton, Support
 
 _FLIGHT: Final = -1
+Vector = tuple[float, float, float]
 
 
 def smoothstep(x: float) -> float:
@@ -69,44 +72,47 @@ class Foot:
 
     def read(self, frame: HumanFrame, forward: Array) -> None:
         """Read the human's foot; without toes it points where the pelvis faces."""
-        if not frame.valid[self._ankle]:
+        valid = frame.valid
+        if not valid[self._ankle]:
             return
-        ankle = frame.position[self._ankle]
-        heel = toe = float(ankle[2]) - self._ankle_height
-        if self._has_toe and frame.valid[self._toe]:
-            d = frame.position[self._toe] - ankle
-            toe = float(frame.position[self._toe][2]) - self._toe_height
-            if frame.valid[self._knee]:
-                self._read_turn(d, frame.position[self._knee] - ankle)
+        ax, ay, az = frame.position[self._ankle].tolist()
+        heel = toe = az - self._ankle_height
+        if self._has_toe and valid[self._toe]:
+            tx, ty, tz = frame.position[self._toe].tolist()
+            toe = tz - self._toe_height
+            if valid[self._knee]:
+                kx, ky, kz = frame.position[self._knee].tolist()
+                self._read_turn((tx - ax, ty - ay, tz - az), (kx - ax, ky - ay, kz - az))
         else:
-            heading = float(np.arctan2(forward[1], forward[0]))
-            self.turn[:] = _yaw(heading)
+            self.turn[:] = _yaw(atan2(float(forward[1]), float(forward[0])))
         self.clearance, self.highest = max(min(heel, toe), 0.0), max(heel, toe, 0.0)
 
-    def _read_turn(self, d: Array, shank: Array) -> None:
+    def _read_turn(self, d: Vector, shank: Vector) -> None:
         """Turn of the sole from ankle to toe and ankle to knee: left is up x forward; flat when standing flat."""
-        length = float(np.sqrt(d @ d))
-        left = np.array(
-            [shank[1] * d[2] - shank[2] * d[1], shank[2] * d[0] - shank[0] * d[2], shank[0] * d[1] - shank[1] * d[0]]
-        )
-        norm = float(np.sqrt(left @ left))
-        if length < 1e-3 or norm < 1e-2 * length * float(np.sqrt(shank @ shank)):
+        length, left = hypot(*d), cross3(shank, d)
+        norm = hypot(*left)
+        if length < 1e-3 or norm < 1e-2 * length * hypot(*shank):
             return  # foot in line with the shank: as in the last frame
-        x, y = d / length, left / norm
-        z = np.array([x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]])
-        drop = min(max((self._ankle_height - self._toe_height) / length, -0.9), 0.9)
-        c, s = float(np.sqrt(1.0 - drop * drop)), drop
-        self.turn[:, 0], self.turn[:, 1], self.turn[:, 2] = c * x + s * z, y, c * z - s * x
+        x = (d[0] / length, d[1] / length, d[2] / length)
+        y = (left[0] / norm, left[1] / norm, left[2] / norm)
+        z = cross3(x, y)
+        s = min(max((self._ankle_height - self._toe_height) / length, -0.9), 0.9)  # drop from ankle to toe
+        c = sqrt(1.0 - s * s)
+        self.turn[:] = (
+            (c * x[0] + s * z[0], y[0], c * z[0] - s * x[0]),
+            (c * x[1] + s * z[1], y[1], c * z[1] - s * x[1]),
+            (c * x[2] + s * z[2], y[2], c * z[2] - s * x[2]),
+        )
 
     def stand(self, robot_pose: Array) -> None:
         """Put the sole flat on the ground below where the robot's foot is."""
-        self.pose[:3, :3] = _yaw(float(np.arctan2(robot_pose[1, 0], robot_pose[0, 0])))
+        self.pose[:3, :3] = _yaw(atan2(float(robot_pose[1, 0]), float(robot_pose[0, 0])))
         self.pose[:2, 3], self.pose[2, 3] = robot_pose[:2, 3], 0.0
 
     def swing(self, ankle: Array, ratio: float, settings: FootSettings) -> None:
         """Follow the scaled body's ankle, shape (3,) [m], over the ground."""
         follow = self.freedom(settings)
-        heading = float(np.arctan2(self.turn[1, 0], self.turn[0, 0]))
+        heading = atan2(float(self.turn[1, 0]), float(self.turn[0, 0]))
         self.pose[:3, :3] = _between(_yaw(heading), self.turn, follow)
         R = self.pose[:3, :3]
         sole = ankle + self.offset - R @ self._sole_to_ankle
@@ -125,7 +131,7 @@ class Foot:
 
 
 def _yaw(angle: float) -> Array:
-    c, s = float(np.cos(angle)), float(np.sin(angle))
+    c, s = cos(angle), sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
@@ -137,17 +143,18 @@ def _between(A: Array, B: Array, share: float) -> Array:
         return B
     z = (1 - share) * A[:, 2] + share * B[:, 2]
     x = (1 - share) * A[:, 0] + share * B[:, 0]
-    norm = float(np.sqrt(z @ z))
-    if norm < 1e-6:
+    z_norm = sqrt(float(z @ z))
+    if z_norm < 1e-6:
         return B
-    z = z / norm
-    x = x - (x @ z) * z
-    norm = float(np.sqrt(x @ x))
-    if norm < 1e-6:
+    z /= z_norm
+    x -= float(x @ z) * z
+    x_norm = sqrt(float(x @ x))
+    if x_norm < 1e-6:
         return B
-    x = x / norm
-    y = np.array([z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]])
-    return np.stack([x, y, z], axis=1)
+    x /= x_norm
+    out = np.empty((3, 3))
+    out[:, 0], out[:, 1], out[:, 2] = x, cross3(z.tolist(), x.tolist()), z
+    return out
 
 
 class Footing:
@@ -162,7 +169,7 @@ class Footing:
 
     def __init__(self, robot: RobotModel, skeleton: Skeleton, settings: FootSettings, dt_s: float) -> None:
         self._robot, self._settings = robot, settings
-        self._fade = float(np.exp(-dt_s / settings.blend_s)) if settings.blend_s > 0 else 0.0
+        self._fade = exp(-dt_s / settings.blend_s) if settings.blend_s > 0 else 0.0
         self.feet = [Foot(side, robot, skeleton) for side in SIDES]
         self.reset()
 
@@ -220,7 +227,7 @@ class Footing:
         self.mid_hip = np.array([ratio * human[0][0], ratio * human[0][1], 0.0])
         for i, foot in enumerate(self.feet):
             foot.pose[:3, 3] = (self.mid_hip + ankles[i])[0], (self.mid_hip + ankles[i])[1], 0.0
-            foot.pose[:3, :3] = _yaw(float(np.arctan2(foot.turn[1, 0], foot.turn[0, 0])))
+            foot.pose[:3, :3] = _yaw(atan2(float(foot.turn[1, 0]), float(foot.turn[0, 0])))
             foot.pose[:2, 3] -= (foot.ankle_of(foot.pose) - foot.pose[:3, 3])[:2]
         self.contact = list(wanted)
         self._human_mid_hip = human[0].copy()

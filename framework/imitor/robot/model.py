@@ -197,6 +197,7 @@ class RobotModel:
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
         self.jacobian: Array = self.data.J
+        self._base_position, self._base_rotation = self.data.oMi[1].translation, self.data.oMi[1].rotation
         self._ancestors = {role: self._ancestor_mask(i) for role, i in self._role_frame.items()}
 
     def _ancestor_mask(self, frame: int) -> Array:
@@ -322,6 +323,11 @@ class RobotModel:
         pin.updateFramePlacements(model, data)
         pin.jacobianCenterOfMass(model, data, False)
 
+    def is_at(self, role: str, pose: Array) -> bool:
+        """Tell whether a role's frame has a pose, world from frame, to 1e-9 m and rad, at the last `update`."""
+        off = np.abs(self._position[role] - pose[:3, 3]).max() + np.abs(self._rotation[role] - pose[:3, :3]).max()
+        return bool(off < 1e-9)
+
     def place(self, q: Array, role: str, pose: Array) -> None:
         """Move the base of ``q`` in place so that a role's frame takes a pose, and update.
 
@@ -330,11 +336,10 @@ class RobotModel:
             role: Which frame, e.g. the anchor.
             pose: World from frame, shape (4, 4).
         """
-        data = self.data
-        base, frame = data.oMi[1], data.oMf[self._role_frame[role]]
-        placed = pin.SE3(pose) * frame.inverse() * base
-        q[:3] = placed.translation
-        quaternion = pin.Quaternion(placed.rotation)
+        R, base = self._rotation[role], self._base_position
+        turn = pose[:3, :3] @ R.T  # takes the frame where it is to where it shall be
+        q[:3] = pose[:3, 3] + turn @ (base - self._position[role])
+        quaternion = pin.Quaternion(turn @ self._base_rotation)
         quaternion.normalize()  # or rounding errors would grow from frame to frame
         q[3:7] = quaternion.coeffs()
         self.update(q)

@@ -164,7 +164,7 @@ def _store(path: Path, parts: list[Part]) -> bool:
 
 def _load(path: Path) -> list[Part] | None:
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as data:
             return [
                 Part(int(joint), Surface(data[f"v{i}"], data[f"f{i}"], tuple(map(float, rgba))))  # type: ignore[arg-type]
                 for i, (joint, rgba) in enumerate(zip(data["joint"], data["rgba"], strict=True))

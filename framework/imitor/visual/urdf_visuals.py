@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -106,11 +107,15 @@ def _visual(link: str, element: ET.Element, named: dict[str, Colour4], files: Mo
 
 
 def find_mesh(name: str, files: ModelFiles) -> Path | None:
-    """Return the file of a mesh in a URDF: ``package://``, ``file://``, absolute, or beside the model."""
+    """Return the file of a mesh in a URDF: ``package://``, ``file://``, absolute, or beside the model.
+
+    Packages are looked for where the model comes from, above the model, and in ``ROS_PACKAGE_PATH``.
+    """
     if name.startswith("package:"):
         inside = name.removeprefix("package:").lstrip("/")
         tail = inside.partition("/")[2]
-        folders = [*files.package_dirs, *files.model.parents]
+        ros = [Path(p) for p in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if p]
+        folders = [*files.package_dirs, *files.model.parents, *ros]
         candidates = [folder / inside for folder in folders] + [folder / tail for folder in folders]
     else:
         candidates = [files.model.parent / name.removeprefix("file://")]
