@@ -13,8 +13,9 @@ import gc
 import time
 from pathlib import Path
 
-import imitor  # noqa: F401  (sets one BLAS thread before numpy is imported)
 import numpy as np
+
+import imitor  # noqa: F401  (sets one BLAS thread before numpy is imported)
 from imitor.pipeline import Pipeline
 from imitor.registry import Registry
 from imitor.spec import load_pipeline
@@ -22,7 +23,9 @@ from imitor.spec import load_pipeline
 
 def main() -> None:
     """Run and print one line a figure."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--pipeline", default="retarget")
     parser.add_argument("--robot", default=None)
     parser.add_argument("--input", type=Path, action="append", help="recording; may be given several times")
@@ -37,7 +40,9 @@ def main() -> None:
         np.linalg.svd(matrix)
     clock = time.perf_counter
     for path in args.input or [None]:
-        spec = load_pipeline(args.pipeline, registry, robot=args.robot, input=path, uses=args.use, sets=args.sets)
+        spec = load_pipeline(
+            args.pipeline, registry, robot=args.robot, input=path, uses=args.use, sets=args.sets
+        )
         pipeline = Pipeline(spec, registry)
         gc.collect()
         for record in pipeline.records():

@@ -36,8 +36,14 @@ def stacked(levels: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np
 
 
 @settings(max_examples=60, deadline=None)
-@given(seed=st.integers(0, 2**31), sizes=st.lists(st.integers(1, 6), min_size=1, max_size=4), extra=st.integers(0, 10))
-def test_equals_the_recursion_while_the_tasks_are_independent(seed: int, sizes: list[int], extra: int) -> None:
+@given(
+    seed=st.integers(0, 2**31),
+    sizes=st.lists(st.integers(1, 6), min_size=1, max_size=4),
+    extra=st.integers(0, 10),
+)
+def test_equals_the_recursion_while_the_tasks_are_independent(
+    seed: int, sizes: list[int], extra: int
+) -> None:
     levels, g = problem(seed, sizes, sum(sizes) + 1 + extra)
     J, e = stacked(levels)
     if np.linalg.cond(J) > 1e3:
@@ -82,8 +88,10 @@ def test_a_persistent_conflict_does_not_leak_upward() -> None:
 
 
 def test_no_error_and_no_gradient_give_no_step() -> None:
-    (J, _), = problem(1, [4], 7)[0]
-    np.testing.assert_array_equal(prioritised_step(J, np.zeros(4), np.zeros(7), [0], [0.0], 1e-6), np.zeros(7))
+    ((J, _),) = problem(1, [4], 7)[0]
+    np.testing.assert_array_equal(
+        prioritised_step(J, np.zeros(4), np.zeros(7), [0], [0.0], 1e-6), np.zeros(7)
+    )
 
 
 @settings(max_examples=100, deadline=None)

@@ -280,6 +280,19 @@ def test_both_figures_are_in_the_picture(
 
 
 @pytest.mark.usefixtures("can_render")
+def test_shadows_darken_the_picture(registry: Registry, robot: RobotModel, tmp_path: Path) -> None:
+    from PIL import Image
+
+    light = []
+    for shadows in (True, False):
+        options = {**SINKS["video"], "format": "none", "path": f"{shadows}", "shadows": shadows}
+        (png,) = Play(robot, tmp_path, n=1).into(make(registry, "video", **options)).files
+        with Image.open(png) as image:
+            light.append(np.asarray(image.convert("L"), dtype=float).mean())
+    assert light[0] < light[1] - 1.0
+
+
+@pytest.mark.usefixtures("can_render")
 def test_video_without_a_human(registry: Registry, robot: RobotModel, tmp_path: Path) -> None:
     play = Play(robot, tmp_path, n=3)
     sink = make(registry, "video", **SINKS["video"], format="none")

@@ -53,7 +53,12 @@ def _between(a: HumanFrame, b: HumanFrame, t: float) -> HumanFrame:
     out.position = a.position + share * (b.position - a.position)
     out.valid = a.valid & b.valid
     out.position = np.where(out.valid[:, None], out.position, np.nan)
-    if a.marker is not None and b.marker is not None and a.marker_valid is not None and b.marker_valid is not None:
+    if (
+        a.marker is not None
+        and b.marker is not None
+        and a.marker_valid is not None
+        and b.marker_valid is not None
+    ):
         out.marker_valid = a.marker_valid & b.marker_valid
         out.marker = np.where(out.marker_valid[:, None], a.marker + share * (b.marker - a.marker), np.nan)
     if a.com is not None and b.com is not None:

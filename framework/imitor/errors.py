@@ -1,18 +1,18 @@
 """The exceptions of imitor. One root; facts are attributes, the message says what to do.
 
-    ImitorError
-    ├── SpecError(problems)          a pipeline, card or option is wrong     exit status 2
-    ├── PluginError(plugin)
-    │   ├── PluginLoadError          a plugin could not be imported         exit status 2
-    │   └── DuplicateComponent       a name is registered twice             exit status 2
-    ├── RobotError                   a model or card does not fit           exit status 2
-    │   ├── UnknownLink
-    │   └── UnknownJoint
-    ├── SourceError(path, line)      an input file or stream is wrong       exit status 2
-    └── RunError(frame, stage)       something failed while running         exit status 1
-        ├── NoSolution
-        ├── LimitViolation
-        └── SinkError
+ImitorError
+├── SpecError(problems)          a pipeline, card or option is wrong     exit status 2
+├── PluginError(plugin)
+│   ├── PluginLoadError          a plugin could not be imported         exit status 2
+│   └── DuplicateComponent       a name is registered twice             exit status 2
+├── RobotError                   a model or card does not fit           exit status 2
+│   ├── UnknownLink
+│   └── UnknownJoint
+├── SourceError(path, line)      an input file or stream is wrong       exit status 2
+└── RunError(frame, stage)       something failed while running         exit status 1
+    ├── NoSolution
+    ├── LimitViolation
+    └── SinkError
 """
 
 from __future__ import annotations
@@ -119,7 +119,9 @@ class RunError(ImitorError):
 
     exit_status = 1
 
-    def __init__(self, message: str, *, frame: int | None = None, time_s: float | None = None, stage: str = "") -> None:
+    def __init__(
+        self, message: str, *, frame: int | None = None, time_s: float | None = None, stage: str = ""
+    ) -> None:
         self.frame, self.time_s, self.stage = frame, time_s, stage
         place = []
         if frame is not None:

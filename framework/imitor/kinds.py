@@ -92,9 +92,9 @@ class Component(Generic[C]):
         for base in getattr(cls, "__orig_bases__", ()):
             args = get_args(base)
             origin = get_origin(base)
-            if args and isinstance(origin, type) and issubclass(origin, Component):
-                if isinstance(args[0], type) and issubclass(args[0], Config):
-                    cls.config_type = args[0]
+            of_component = isinstance(origin, type) and issubclass(origin, Component)
+            if args and of_component and isinstance(args[0], type) and issubclass(args[0], Config):
+                cls.config_type = args[0]
 
     def __init__(self, config: C, context: Context | None = None) -> None:
         self.config: C = config

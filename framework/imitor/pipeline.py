@@ -98,15 +98,19 @@ class Pipeline:
         longest = max(c.calibration_s for _, c in wanted)
         if longest == WHOLE_RECORDING and self.source.live:
             where = next(w for w, c in wanted if c.calibration_s == WHOLE_RECORDING)
-            raise ImitorError(f"{where}: needs the whole recording first, but the source is live; give its result as options")
+            raise ImitorError(
+                f"{where}: needs the whole recording first, but the source is live; give its result as options"
+            )
         frames = self._human_frames()
         if longest < WHOLE_RECORDING:
-            frames = itertools.takewhile(lambda f, t=longest: f.time_s <= t, frames)
+            frames = _first_seconds(frames, longest)
         seen = list(frames)
         for where, component in self.stages:
             with _at(where):
                 if component.calibration_s > 0:
-                    component.calibrate([f for f in seen if f.time_s - seen[0].time_s <= component.calibration_s])
+                    component.calibrate(
+                        [f for f in seen if f.time_s - seen[0].time_s <= component.calibration_s]
+                    )
                 if isinstance(component, Filter):
                     seen = [component.step(f) for f in seen]
                     component.reset()
@@ -121,28 +125,12 @@ class Pipeline:
 
     def _bind(self) -> None:
         """Collect the bound steps once: nothing is looked up per frame."""
-        self._steps: list[tuple[str, Callable[[HumanFrame, Configuration], None]]] = []
-        stack = self.stack
-        for where, component in self.stages:
-            match component:
-                case Mapper():
-                    call = lambda frame, state, step=component.step: step(frame, stack)  # noqa: E731
-                case Stabilizer():
-                    call = lambda frame, state, step=component.step: step(frame, stack, state)  # noqa: E731
-                case Solver() | Postprocessor():
-                    call = lambda frame, state, step=component.step: step(stack, state)  # noqa: E731
-                case _:
-                    continue
-            self._steps.append((where, call))
         self._filter_steps = [(where, c.step) for where, c in self.filters]
+        stages = [(where, c) for where, c in self.stages if not isinstance(c, Filter)]
+        self._steps = [(where, _bound(c, self.stack)) for where, c in stages]
         self._first_steps = [
-            (
-                where,
-                (lambda frame, state, settle=c.settle: settle(stack, state)) if isinstance(c, Solver) else call,
-            )
-            for (where, call), c in zip(
-                self._steps, [c for _, c in self.stages if not isinstance(c, Filter)], strict=True
-            )
+            (where, _settling(c, self.stack) if isinstance(c, Solver) else _bound(c, self.stack))
+            for where, c in stages
         ]
 
     # ------------------------------------------------------------------ running
@@ -161,7 +149,7 @@ class Pipeline:
 
     def _with_settling(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         last = None
-        for last in frames:  # noqa: B007
+        for last in frames:
             yield last
         if last is None:
             return
@@ -226,15 +214,47 @@ class Pipeline:
             component.close()
 
 
+def _first_seconds(frames: Iterator[HumanFrame], seconds: float) -> Iterator[HumanFrame]:
+    """Yield the frames of the first seconds of a recording."""
+    start: float | None = None
+    for frame in frames:
+        start = frame.time_s if start is None else start
+        if frame.time_s - start > seconds:
+            return
+        yield frame
+
+
 def _drained(frames: Iterator[HumanFrame], delay: int, dt: float) -> Iterator[HumanFrame]:
     """Repeat the last frame so often that delayed stages give back everything."""
     last = None
-    for last in frames:  # noqa: B007
+    for last in frames:
         yield last
     if last is not None:
         for k in range(1, delay + 1):
             yield HumanFrame(last.time_s + k * dt, last.position, last.valid, last.orientation, com=last.com,
                              support=last.support)  # fmt: skip
+
+
+Step = Callable[[HumanFrame, Configuration], None]
+
+
+def _bound(component: Component[Any], stack: TaskStack) -> Step:
+    """Return a stage's step with one signature for all kinds."""
+    if isinstance(component, Mapper):
+        map_step = component.step
+        return lambda frame, state: map_step(frame, stack)
+    if isinstance(component, Stabilizer):
+        stabilize = component.step
+        return lambda frame, state: stabilize(frame, stack, state)
+    if isinstance(component, Solver | Postprocessor):
+        change = component.step
+        return lambda frame, state: change(stack, state)
+    raise ImitorError(f"{type(component).__name__} is no stage")
+
+
+def _settling(solver: Solver[Any], stack: TaskStack) -> Step:
+    settle = solver.settle
+    return lambda frame, state: settle(stack, state)
 
 
 @contextlib.contextmanager

@@ -292,7 +292,10 @@ class Recorder:
 
 
 def _is_known_name(path: Path | None) -> bool:
-    return path is not None and path.resolve().parent == (Path(__file__).parent / "plugins/robots/cards").resolve()
+    return (
+        path is not None
+        and path.resolve().parent == (Path(__file__).parent / "plugins/robots/cards").resolve()
+    )
 
 
 def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
@@ -301,7 +304,9 @@ def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
         for name, array in arrays.items():
             entry = zipfile.ZipInfo(f"{name}.npy", date_time=(1980, 1, 1, 0, 0, 0))
             with archive.open(entry, "w", force_zip64=True) as stream:
-                np.lib.format.write_array(stream, np.asarray(array, order="C"), allow_pickle=False)
+                np.lib.format.write_array(  # type: ignore[no-untyped-call]
+                    stream, np.asarray(array, order="C"), allow_pickle=False
+                )
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:

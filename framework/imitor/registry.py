@@ -121,7 +121,9 @@ class Registry:
         """
         kind = kind_of(component)
         if not component.name:
-            raise PluginError(origin, f"{component.__module__}.{component.__qualname__} has no `name`; give it one")
+            raise PluginError(
+                origin, f"{component.__module__}.{component.__qualname__} has no `name`; give it one"
+            )
         key = (kind, component.name)
         other = self._components.get(key)
         if other is not None:
@@ -152,7 +154,8 @@ class Registry:
         for failure in self.failures:
             if name in (failure.plugin, failure.module.rsplit(".", 1)[-1]):
                 raise PluginLoadError(
-                    failure.plugin, f"plugin '{failure.plugin}' ({failure.module}) failed to load: {failure.error}"
+                    failure.plugin,
+                    f"plugin '{failure.plugin}' ({failure.module}) failed to load: {failure.error}",
                 )
         hint = did_you_mean(name, self.names(kind))
         raise PluginLoadError(

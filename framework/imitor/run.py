@@ -106,12 +106,19 @@ def _run_directory(out_dir: Path | None, name: str) -> Path:
         with tempfile.TemporaryFile(dir=out_dir):
             pass
     except OSError as error:
-        raise ImitorError(f"cannot write to the run directory {out_dir}: {error.strerror}; choose another with --out") from None
+        raise ImitorError(
+            f"cannot write to the run directory {out_dir}: {error.strerror}; choose another with --out"
+        ) from None
     return out_dir
 
 
 def _open_sinks(
-    spec: PipelineSpec, registry: Registry, pipeline: Pipeline, result: RunResult, max_frames: int | None, view: bool
+    spec: PipelineSpec,
+    registry: Registry,
+    pipeline: Pipeline,
+    result: RunResult,
+    max_frames: int | None,
+    view: bool,
 ) -> list[tuple[str, Sink[Any]]]:
     n = pipeline.n_frames
     info = RunInfo(
@@ -155,7 +162,11 @@ def _write(where: str, sink: Sink[Any], record: Any) -> None:
 
 
 def _finish(
-    result: RunResult, sinks: Iterable[tuple[str, Sink[Any]]], pipeline: Pipeline, spec: PipelineSpec, registry: Registry
+    result: RunResult,
+    sinks: Iterable[tuple[str, Sink[Any]]],
+    pipeline: Pipeline,
+    spec: PipelineSpec,
+    registry: Registry,
 ) -> None:
     """Let every sink finish, also after a failure of another; then measure."""
     extra: dict[str, Any] = {}
@@ -186,7 +197,9 @@ def _finish(
         result.message = result.message or f"cannot write to {result.out_dir}: {error.strerror}"
 
 
-def _measure(result: RunResult, extra: dict[str, Any], pipeline: Pipeline, registry: Registry) -> dict[str, Any]:
+def _measure(
+    result: RunResult, extra: dict[str, Any], pipeline: Pipeline, registry: Registry
+) -> dict[str, Any]:
     from imitor import metrics
 
     figures = metrics.evaluate_dir(result.out_dir, registry)

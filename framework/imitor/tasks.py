@@ -116,7 +116,9 @@ class TaskStack:
         if self._compiled:
             raise ImitorError(f"task '{name}': tasks are declared before the first frame, not while running")
         if name in self._tasks:
-            raise ImitorError(f"task '{name}' is declared twice; a second mapper or stabilizer needs another name")
+            raise ImitorError(
+                f"task '{name}' is declared twice; a second mapper or stabilizer needs another name"
+            )
         task = Task(name, kind, frame, relative_to)
         self._tasks[name] = task
         return task
@@ -172,5 +174,7 @@ class TaskStack:
         except KeyError:
             hint = did_you_mean(name, self._tasks)
             raise ImitorError(
-                f"no task is called '{name}'" + (f"; {hint}" if hint else "") + f"; declared: {', '.join(self._tasks)}"
+                f"no task is called '{name}'"
+                + (f"; {hint}" if hint else "")
+                + f"; declared: {', '.join(self._tasks)}"
             ) from None

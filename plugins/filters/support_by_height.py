@@ -20,9 +20,13 @@ class SupportByHeightConfig(Config):
     points: Literal["flat", "lowest"] = Field(
         "flat", description="Which points must be low: flat, ankle and toes; lowest, one of them is enough."
     )
-    hysteresis_m: float = Field(0.01, ge=0, description="A foot in contact must rise this much further to leave [m].")
+    hysteresis_m: float = Field(
+        0.01, ge=0, description="A foot in contact must rise this much further to leave [m]."
+    )
     speed_m_s: float | None = Field(
-        None, gt=0, description="A foot must also be slower than this to come into contact [m/s]; none: any speed."
+        None,
+        gt=0,
+        description="A foot must also be slower than this to come into contact [m/s]; none: any speed.",
     )
     speed_hysteresis: float = Field(
         1.5, ge=1, description="A foot in contact leaves at this multiple of speed_m_s [-]."
@@ -33,7 +37,8 @@ class SupportByHeightConfig(Config):
 class SupportByHeight(Filter[SupportByHeightConfig]):
     """Mark a foot as in contact while its points are near the heights they have when standing flat.
 
-    The speed is that of the lower one of ankle and toes. [pennapoubel2014] P3 (height alone), [montecillo2010] M6 (height and speed).
+    The speed is that of the lower one of ankle and toes. Height alone is [pennapoubel2014] section III-A, height
+    and speed [montecillo2010].
     """
 
     name = "support_by_height"
@@ -43,7 +48,11 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
         """Look up the points."""
         heights = {"ankle": self.skeleton.ankle_height_m, "toe": self.skeleton.toe_height_m}
         self._points = [
-            [(ROLE_INDEX[f"{side}_{role}"], h) for role, h in heights.items() if self.skeleton.has(f"{side}_{role}")]
+            [
+                (ROLE_INDEX[f"{side}_{role}"], h)
+                for role, h in heights.items()
+                if self.skeleton.has(f"{side}_{role}")
+            ]
             for side in SIDES
         ]
         self.reset()
@@ -60,7 +69,9 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
         for i, points in enumerate(self._points):
             if points and all(frame.valid[k] for k, _ in points):  # else not seen: as in the last frame
                 now = [frame.position[k].tolist() for k, _ in points]
-                self._contact[i] = self._stands(i, now, [p[2] - h for p, (_, h) in zip(now, points, strict=True)])
+                self._contact[i] = self._stands(
+                    i, now, [p[2] - h for p, (_, h) in zip(now, points, strict=True)]
+                )
                 self._last[i] = now
         frame.support = Support(*self._contact)
         return frame

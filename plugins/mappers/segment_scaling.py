@@ -18,7 +18,9 @@ _POSITIONS = ("head", "left_hand", "right_hand")
 class SegmentScalingConfig(Config):
     """Options of segment scaling."""
 
-    anchor: bool = Field(True, description="Fix the support foot to the world exactly; no: feet are tasks only.")
+    anchor: bool = Field(
+        True, description="Fix the support foot to the world exactly; no: feet are tasks only."
+    )
     free_foot: Literal["position", "ground"] = Field(
         "position",
         description="What the foot task holds of a foot in the air: position, its scaled place; ground, only height "
@@ -28,7 +30,9 @@ class SegmentScalingConfig(Config):
         0.04, gt=0, description="A free foot with heel and toes lower than this is held flat [m]."
     )
     free_above_m: float = Field(
-        0.15, gt=0, description="Above this clearance a foot's height follows the scaled leg, not the ground [m]."
+        0.15,
+        gt=0,
+        description="Above this clearance a foot's height follows the scaled leg, not the ground [m].",
     )
     blend_s: float = Field(
         0.15, ge=0, description="Time constant to fade the offset of a foot after it lifted off [s]."
@@ -40,8 +44,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
     Works from the points of each single frame; no calibration of the actor. Declares the directions of the nine main
     segments, positions of hands and head, poses of both feet, orientations of waist and chest, the CoM and the
-    standing posture. A foot that stands keeps all six coordinates; near the ground its heading is free, higher up its whole
-    turn. Where a free foot would like to point are the tasks `left_sole` and `right_sole`.
+    standing posture. A foot that stands keeps all six coordinates; near the ground its heading is free, higher up
+    its whole turn. Where a free foot would like to point are the tasks `left_sole` and `right_sole`.
     """
 
     name = "segment_scaling"
@@ -62,7 +66,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
     def declare(self, stack: TaskStack) -> None:
         """Declare the tasks the robot has frames for."""
         from imitor.ik.vectors import cross3
-        from imitor.mapping.footing import FootSettings, Footing
+        from imitor.mapping.footing import Footing, FootSettings
         from imitor.mapping.scaled_body import POINTS, ScaledBody
 
         robot, config = self.robot, self.config
@@ -77,7 +81,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             for name, (proximal, distal) in SEGMENTS.items()
         ]
         self._feet = [stack.declare(f"{side}_foot", TaskKind.POSE, frame=f"{side}_foot") for side in SIDES]
-        self._soles = [stack.declare(f"{side}_sole", TaskKind.ORIENTATION, frame=f"{side}_foot") for side in SIDES]
+        self._soles = [
+            stack.declare(f"{side}_sole", TaskKind.ORIENTATION, frame=f"{side}_foot") for side in SIDES
+        ]
         self._waist = stack.declare("waist", TaskKind.ORIENTATION, frame="waist")
         self._chest = stack.declare("chest", TaskKind.ORIENTATION, frame="chest")
         self._positions = [
@@ -114,7 +120,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             self._com.target[:] = mid_hip + body.leg_ratio * (frame.com - body.mid_hip)
         self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
-        for task, sole, foot, stands in zip(self._feet, self._soles, footing.feet, footing.contact, strict=True):
+        for task, sole, foot, stands in zip(
+            self._feet, self._soles, footing.feet, footing.contact, strict=True
+        ):
             task.target[:] = foot.pose
             level = stands or foot.freedom(self._settings) < 1.0
             placed = stands or not self._ground_only

@@ -42,12 +42,13 @@ class VideoConfig(Config):
         "beside", description="Human beside the robot at the same scale, or over it, half transparent [-]."
     )
     size_px: tuple[int, int] = Field(
-        (640, 480), description="Width and height of the video, even numbers [px]."
+        (480, 360), description="Width and height of the video, even numbers [px]."
     )
     fps: float = Field(25.0, gt=0, le=100, description="Pictures per second [Hz].")
     begin_s: float = Field(0.0, ge=0, description="From where in the run the video starts [s].")
     end_s: float | None = Field(None, gt=0, description="Until where; null for the end of the run [s].")
     balance: bool = Field(True, description="Whether CoM and support polygon are marked on the floor [-].")
+    shadows: bool = Field(True, description="Whether figures cast shadows; more than half of the time [-].")
     sheet: bool = Field(True, description="Whether the contact sheet is written [-].")
     columns: int = Field(4, ge=1, le=20, description="Pictures in a row of the contact sheet [-].")
     rows: int = Field(2, ge=1, le=20, description="Rows of the contact sheet [-].")
@@ -101,7 +102,7 @@ class Video(RecordedSink[VideoConfig]):
             rows = rows[:GIF_LIMIT]
         studio = Studio(
             self.run.robot, motion, self.recorder.reference(), rows,
-            size=c.size_px, beside=c.layout == "beside", balance=c.balance,
+            size=c.size_px, beside=c.layout == "beside", balance=c.balance, shadows=c.shadows,
         )  # fmt: skip
         try:
             report = SinkReport()

@@ -14,7 +14,7 @@ from imitor.ik.iterate import Bounds, IterativeConfig, IterativeSolver
 from imitor.types import Array
 
 if TYPE_CHECKING:
-    from imitor.ik.rows import Layout
+    from imitor.ik.layout import Layout
 
 
 class PlacoConfig(IterativeConfig):
@@ -25,7 +25,9 @@ class PlacoConfig(IterativeConfig):
     )
     damping: float = Field(0.01, gt=0, description="Damping of all steps, lambda [-].")
     error_damping: float = Field(
-        0.1, ge=0, description="Damping added with the error of the lowest level, lambda^2 += value * |e|^2 [-]."
+        0.1,
+        ge=0,
+        description="Damping added with the error of the lowest level, lambda^2 += value * |e|^2 [-].",
     )
 
 

@@ -13,14 +13,16 @@ from imitor.ik.iterate import Bounds, IterativeConfig, IterativeSolver
 from imitor.types import Array
 
 if TYPE_CHECKING:
-    from imitor.ik.rows import Layout
+    from imitor.ik.layout import Layout
 
 
 class PrioritizedConfig(IterativeConfig):
     """Options of the prioritised solver."""
 
     damping: float = Field(
-        0.01, gt=0, description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones [-]."
+        0.01,
+        gt=0,
+        description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones [-].",
     )
     error_damping: float = Field(
         1.0, ge=0, description="Damping of a level by its error, lambda^2 = value * |e|^2 [-]; bounds steps."

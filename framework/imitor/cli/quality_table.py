@@ -32,6 +32,7 @@ _SMALL: Final = {"m": ("mm", 1e3), "s": ("ms", 1e3), "rad": ("mrad", 1e3)}
 """Units in which small values read better."""
 _MAIN: Final = ("value", "mean", "count")
 """Statistics that go into the first column of numbers."""
+_STATISTICS: Final = frozenset({"min", "rms", "median", "std", "p1", "p5", "p95", "p99", "p99_9"})
 MOST_ROWS: Final = 40
 """Of the short table."""
 
@@ -88,12 +89,12 @@ def _row(name: str, unit: str, figure: Mapping[str, Any]) -> list[str]:
     for statistic, other in figure.items():
         if statistic in (main, "max", "frames"):
             continue
-        if statistic == "share":
-            rest.append(f"{number_text(other, 100.0)} %")
+        if statistic.endswith("share"):
+            rest.append(f"{words(statistic.removesuffix('share')).strip()} {number_text(other, 100.0)} %".strip())
         elif isinstance(other, str):
             rest.append(f"{words(statistic)} {other}")
-        else:
-            rest.append(f"{words(statistic)} {number_text(other, factor)}")
+        else:  # the figure's unit holds for its statistics, not for counts beside them
+            rest.append(f"{words(statistic)} {number_text(other, factor if statistic in _STATISTICS else 1.0)}")
     if isinstance(figure.get("frames"), int):
         rest.append(f"over {figure['frames']} frames")
     return [name, number_text(value, factor), number_text(largest, factor), unit, ", ".join(rest)]

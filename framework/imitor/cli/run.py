@@ -2,7 +2,7 @@
 
 PIPELINE is the name of a preset (imitor list presets) or a YAML file. Results go to
 a new folder, or to --out DIR.
-Example: imitor run demo --robot nao_v4 --input walk.bvh --set posture.damping=0.1
+Example: imitor run retarget --robot romeo --input walk.bvh --set solve.iterations=3 --sink video
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     common.add_overrides(parser)
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results")
     parser.add_argument("--frames", metavar="N", type=_count, help="stop after N frames")
+    parser.add_argument(
+        "--sink", metavar="NAME", action="append", default=[], help="add a sink, e.g. video or rerun (repeatable)"
+    )
     parser.add_argument("--view", action="store_true", help="show the robot while it moves")
     parser.add_argument("--simulate", action="store_true", help="execute the motion in a physics simulation")
     parser.add_argument("--live", action="store_true", help="insist on a live source")
@@ -63,7 +66,7 @@ def execute(args: argparse.Namespace) -> int:
 
 def _load(args: argparse.Namespace, registry: Registry) -> PipelineSpec:
     """Load the pipeline with what --simulate, --view, --live and --arm ask for."""
-    sinks = []
+    sinks = list(args.sink)
     if args.simulate:
         sinks.append(_required_sink("--simulate", "robot sink", SIMULATOR, registry))
     spec = common.load(args.pipeline, args, registry, add_sinks=sinks)

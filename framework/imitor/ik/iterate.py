@@ -14,7 +14,7 @@ from imitor.tasks import TaskStack
 from imitor.types import Array, Configuration
 
 if TYPE_CHECKING:
-    from imitor.ik.rows import Layout
+    from imitor.ik.layout import Layout
 
 Weight = Annotated[float, Field(gt=0)]
 Bounds = tuple[Array, Array]
@@ -25,9 +25,12 @@ class IterativeConfig(Config):
     """Options that velocity-level solvers share."""
 
     order: Sequence[Sequence[str]] = Field(
-        description="Levels of task names, highest priority first; a task of no level is ignored [-].", min_length=1
+        description="Levels of task names, highest priority first; a task of no level is ignored [-].",
+        min_length=1,
     )
-    weights: Mapping[str, Weight] = Field({}, description="Weights within a level by task name; default 1 [-].")
+    weights: Mapping[str, Weight] = Field(
+        {}, description="Weights within a level by task name; default 1 [-]."
+    )
     null_space: Mapping[str, float] = Field(
         {"limits": -0.10, "posture": -0.02},
         description="Gradient terms in the last null space: kappa of `limits` (eq. 7) and of `posture` (eq. 8) [-].",

@@ -71,7 +71,7 @@ class Layout:
     @property
     def m(self) -> int:
         """Number of rows."""
-        return self.e.shape[0]
+        return int(self.e.shape[0])
 
 
 @dataclass
@@ -138,7 +138,9 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
             for which, parts in ((shift, translations), (turn, rotations)):
                 axes = np.flatnonzero(which)
                 if axes.size:
-                    parts.append(Part(task, len(mask) + np.arange(axes.size), axes, entry.frame, entry.reference))
+                    parts.append(
+                        Part(task, len(mask) + np.arange(axes.size), axes, entry.frame, entry.reference)
+                    )
                     mask += [moved] * axes.size
         added = len(mask) - at
         level += [entry.level] * added
@@ -173,7 +175,9 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
     return layout
 
 
-def _directions(stack: TaskStack, chosen: Sequence[tuple[Entry, int]], masks: Array, held: Array) -> Directions:
+def _directions(
+    stack: TaskStack, chosen: Sequence[tuple[Entry, int]], masks: Array, held: Array
+) -> Directions:
     rows = np.array([at + k for _, at in chosen for k in range(2)])
     together = bool((np.diff(rows) == 1).all())
     names = stack.names

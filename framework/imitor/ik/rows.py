@@ -2,7 +2,7 @@ r"""Task rows: every scalar objective is a wrench, every Jacobian row one produc
 
 A row that measures the velocity of a frame along an axis :math:`a` at the point :math:`p` is the wrench
 :math:`w = (a, p \times a)` about the world's origin; one that measures rotation is :math:`w = (0, a)`. With
-Pinocchio's world-frame spatial Jacobian :math:`{}^0 J` (6, nv) the Jacobian row is :math:`(w^T\, {}^0 J) \odot m`, where
+Pinocchio's world-frame spatial Jacobian :math:`{}^0 J` (6, nv) the Jacobian row is :math:`(w^T {}^0 J) \odot m`, where
 the mask :math:`m` keeps the joints that carry the frame.
 
 Relative frames and the anchor are differences of masks. Measured against a reference frame :math:`r` moving with the
@@ -22,7 +22,6 @@ from imitor.ik.layout import WORLD, Directions, Entry, Layout, make_layout
 from imitor.ik.vectors import cross, skew, tangent_basis
 from imitor.robot.model import BASE_NV, RobotModel
 from imitor.tasks import TaskKind, TaskStack
-from imitor.types import Array
 
 SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE, TaskKind.COM)
 _EYE = np.eye(3)

@@ -185,7 +185,13 @@ class Footing:
             foot.offset[:] = 0.0
 
     def step(
-        self, frame: HumanFrame, support: Support, ankles: Array, human: tuple[Array, Array], ratio: float, forward: Array
+        self,
+        frame: HumanFrame,
+        support: Support,
+        ankles: Array,
+        human: tuple[Array, Array],
+        ratio: float,
+        forward: Array,
     ) -> None:
         """Advance by a frame.
 

@@ -28,7 +28,9 @@ _CHAIN: Final[tuple[tuple[str, str, str], ...]] = (
     ("right_hand", "right_wrist", "right_hand"),
 )
 _NEEDED: Final = tuple(
-    f"{side}_{joint}" for side in ("left", "right") for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    f"{side}_{joint}"
+    for side in ("left", "right")
+    for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 )
 POINTS: Final[tuple[str, ...]] = (
     "mid_hip", "mid_shoulder", "head",
@@ -61,15 +63,17 @@ class ScaledBody:
         lengths = robot.segment_lengths()
         lacking = [s for s in SEGMENTS if s not in lengths]
         if lacking:
-            raise RobotError(f"robot '{robot.name}' has no {', '.join(lacking)}: its card lacks roles at their ends")
+            raise RobotError(
+                f"robot '{robot.name}' has no {', '.join(lacking)}: its card lacks roles at their ends"
+            )
         has_head, has_hands = skeleton.has("head"), skeleton.has("left_hand", "right_hand")
         self.segments = [
-            s
-            for s, _, _ in _CHAIN
-            if (s != "head" or has_head) and (not s.endswith("_hand") or has_hands)
+            s for s, _, _ in _CHAIN if (s != "head" or has_head) and (not s.endswith("_hand") or has_hands)
         ]
         chain = [c for c in _CHAIN if c[0] in self.segments]
-        used = sorted({r for _, a, b in chain for end in (a, b) for r in _sources(end)}, key=ROLE_INDEX.__getitem__)
+        used = sorted(
+            {r for _, a, b in chain for end in (a, b) for r in _sources(end)}, key=ROLE_INDEX.__getitem__
+        )
         self._index = np.array([ROLE_INDEX[r] for r in used])
         self._difference = np.array([_weights(b, used) - _weights(a, used) for _, a, b in chain])  # (S, U)
         self._touched = self._difference != 0.0

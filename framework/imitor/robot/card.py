@@ -35,8 +35,12 @@ class _Part(BaseModel):
 class ModelFile(_Part):
     """Where the kinematic model comes from."""
 
-    package: str | None = Field(None, description="Python distribution that carries the file, e.g. example-robot-data.")
-    description: str | None = Field(None, description="Module of the package robot_descriptions, e.g. g1_description.")
+    package: str | None = Field(
+        None, description="Python distribution that carries the file, e.g. example-robot-data."
+    )
+    description: str | None = Field(
+        None, description="Module of the package robot_descriptions, e.g. g1_description."
+    )
     file: str = Field("", description="URDF or MJCF: path in the package's share folder, or beside the card.")
     srdf: str | None = Field(None, description="SRDF with collision pairs to skip; same place as the model.")
 
@@ -44,7 +48,9 @@ class ModelFile(_Part):
 class Sole(_Part):
     """The flat part under a foot."""
 
-    frame: str = Field(description="Link or frame that carries the sole; a template such as {side}_ankle_link.")
+    frame: str = Field(
+        description="Link or frame that carries the sole; a template such as {side}_ankle_link."
+    )
     translation_m: Point3 = Field((0.0, 0.0, 0.0), description="Sole frame in that frame, left foot [m].")
     polygon_m: Sequence[Point2] = Field(
         description="Corners of the flat part in the sole frame (x forward, y left), left foot, counter-clockwise [m].",
@@ -56,12 +62,16 @@ class Coupling(_Part):
     """Joints moved by one motor: each follows the first."""
 
     joints: Sequence[str] = Field(min_length=2, description="Joint names; the first is the independent one.")
-    ratios: Sequence[float] = Field((), description="Motion of each joint per motion of the first [-]; default 1.")
+    ratios: Sequence[float] = Field(
+        (), description="Motion of each joint per motion of the first [-]; default 1."
+    )
 
     @model_validator(mode="after")
     def _same_length(self) -> Coupling:
         if self.ratios and len(self.ratios) != len(self.joints):
-            raise ValueError(f"{len(self.ratios)} ratios for {len(self.joints)} joints; give one each, the first 1.0")
+            raise ValueError(
+                f"{len(self.ratios)} ratios for {len(self.joints)} joints; give one each, the first 1.0"
+            )
         return self
 
 
@@ -71,8 +81,12 @@ PerJoint = Mapping[str, float]
 class Limits(_Part):
     """Limits that the model lacks or that are narrower than the model's. Keys are joint names, templates or ``*``."""
 
-    position_rad: Mapping[str, tuple[float, float]] = Field({}, description="Lower and upper joint limit [rad].")
-    speed_rad_s: Mapping[str, Annotated[float, Field(gt=0)]] = Field({}, description="Joint speed limit [rad/s].")
+    position_rad: Mapping[str, tuple[float, float]] = Field(
+        {}, description="Lower and upper joint limit [rad]."
+    )
+    speed_rad_s: Mapping[str, Annotated[float, Field(gt=0)]] = Field(
+        {}, description="Joint speed limit [rad/s]."
+    )
     acceleration_rad_s2: Mapping[str, Annotated[float, Field(gt=0)]] = Field(
         {}, description="Joint acceleration limit [rad/s^2]; none where not given."
     )
@@ -98,13 +112,15 @@ class RobotCard(_Part):
     )
     soles: Sole
     standing: Mapping[str, float | tuple[float, float]] = Field(
-        {}, description="Joint positions when standing [rad]; a pair is left, right. Others are 0 or their limit."
+        {},
+        description="Joint positions when standing [rad]; a pair is left, right. Others are 0 or their limit.",
     )
     t_pose: Mapping[str, float | tuple[float, float]] = Field(
         {}, description="Joint positions of the T-pose, or of the nearest reachable pose [rad]."
     )
     reference_vectors: Mapping[str, Point3] = Field(
-        {}, description="Limb directions in a T-pose where the robot cannot reach one; left side, y is mirrored."
+        {},
+        description="Limb directions in a T-pose where the robot cannot reach one; left side, y is mirrored.",
     )
     locked: Mapping[str, float | tuple[float, float]] = Field(
         {}, description="Joints that imitor does not move, and where they stay [rad]: fingers, grippers."
@@ -181,7 +197,11 @@ def find_card(name_or_path: str | Path, registry: Registry) -> Path:
         raise SpecError([Problem(text, 0, 0, "robot", "there is no such robot card file")])
     hint = did_you_mean(text, cards)
     raise SpecError(
-        [Problem(text, 0, 0, "robot", f"no robot is called '{text}'; known: {', '.join(sorted(cards))}", hint)]
+        [
+            Problem(
+                text, 0, 0, "robot", f"no robot is called '{text}'; known: {', '.join(sorted(cards))}", hint
+            )
+        ]
     )
 
 

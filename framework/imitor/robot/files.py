@@ -23,7 +23,9 @@ class ModelFiles:
     @property
     def is_mjcf(self) -> bool:
         """Whether the model is MuJoCo XML rather than URDF."""
-        return b"<mujoco" in self.model.read_bytes()[:4096] and b"<robot" not in self.model.read_bytes()[:4096]
+        return (
+            b"<mujoco" in self.model.read_bytes()[:4096] and b"<robot" not in self.model.read_bytes()[:4096]
+        )
 
 
 @functools.cache
@@ -36,7 +38,9 @@ def share_of(package: str) -> Path:
     try:
         files = importlib.metadata.distribution(package).files or []
     except importlib.metadata.PackageNotFoundError:
-        raise RobotError(f"the package '{package}' with the robot's model is not installed: pip install {package}") from None
+        raise RobotError(
+            f"the package '{package}' with the robot's model is not installed: pip install {package}"
+        ) from None
     ending = f"share/{package}/package.xml"
     for entry in files:
         if str(entry).endswith(ending):
@@ -76,5 +80,7 @@ def locate(card: RobotCard) -> ModelFiles:
 def _existing(root: Path, name: str, card: RobotCard) -> Path:
     path = (root / Path(name).expanduser()).resolve()
     if not path.is_file():
-        raise RobotError(f"robot '{card.name}': there is no model file {path}; correct `model` in {card.path}")
+        raise RobotError(
+            f"robot '{card.name}': there is no model file {path}; correct `model` in {card.path}"
+        )
     return path

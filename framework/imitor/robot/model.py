@@ -9,15 +9,15 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
 from imitor.errors import RobotError, UnknownJoint, UnknownLink
 from imitor.registry import Registry
-from imitor.robot.card import SIDES, RobotCard, expand, expand_limits, load_card
+from imitor.robot.card import RobotCard, expand, expand_limits, load_card
 from imitor.robot.files import ModelFiles, locate
-from imitor.types import SEGMENTS, Array, BoolArray
+from imitor.types import SEGMENTS, SIDES, Array
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -26,6 +26,7 @@ with warnings.catch_warnings():
 BASE_NQ: Final = 7
 BASE_NV: Final = 6
 DEFAULT_SPEED: Final = 10.0  # [rad/s], where neither model nor card says
+V = TypeVar("V")
 
 
 class RobotModel:
@@ -87,7 +88,7 @@ class RobotModel:
         self.lower = self.model.lowerPositionLimit[BASE_NQ:].copy()
         self.upper = self.model.upperPositionLimit[BASE_NQ:].copy()
         self.speed = self.model.velocityLimit[BASE_NV:].copy()
-        self.speed[~np.isfinite(self.speed) | (self.speed <= 0) | (self.speed > 1e3)] = DEFAULT_SPEED
+        self.speed[~np.isfinite(self.speed) | (self.speed <= 0) | (self.speed > 1e3)] = np.inf
         self.acceleration = np.full(self.n, np.inf)
         for name, (lo, hi) in self._per_joint(limits.position_rad, "limits.position_rad").items():
             i = self.joint_index(name)
@@ -95,15 +96,18 @@ class RobotModel:
         for name, value in self._per_joint(limits.speed_rad_s, "limits.speed_rad_s").items():
             i = self.joint_index(name)
             self.speed[i] = min(self.speed[i], value)
+        self.speed[np.isinf(self.speed)] = DEFAULT_SPEED
         for name, value in self._per_joint(limits.acceleration_rad_s2, "limits.acceleration_rad_s2").items():
             self.acceleration[self.joint_index(name)] = value
         bad = [n for n, lo, hi in zip(self.joint_names, self.lower, self.upper, strict=True) if not lo < hi]
         if bad:
-            raise RobotError(f"robot '{self.name}': no range left between lower and upper limit of {', '.join(bad)}")
+            raise RobotError(
+                f"robot '{self.name}': no range left between lower and upper limit of {', '.join(bad)}"
+            )
         unlimited = ~(np.isfinite(self.lower) & np.isfinite(self.upper))
         self.lower[unlimited], self.upper[unlimited] = -2 * np.pi, 2 * np.pi
 
-    def _per_joint(self, values: Mapping[str, object], where: str) -> dict[str, object]:
+    def _per_joint(self, values: Mapping[str, V], where: str) -> dict[str, V]:
         out = expand_limits(values)
         default = out.pop("*", None)
         for name in out:
@@ -149,10 +153,16 @@ class RobotModel:
         return int(self.model.addFrame(pin.Frame(name, parent, 0, placement, pin.FrameType.OP_FRAME), False))
 
     def _frame_id(self, name: str, where: str) -> int:
-        if not self.model.existFrame(name):
-            legal = [f.name for f in self.model.frames if f.name != "universe"]
-            raise UnknownLink(self.name, name, legal, where)
-        return int(self.model.getFrameId(name))
+        for kind in (
+            pin.FrameType.BODY,
+            pin.FrameType.JOINT,
+            pin.FrameType.FIXED_JOINT,
+            pin.FrameType.OP_FRAME,
+        ):
+            if self.model.existFrame(name, kind):
+                return int(self.model.getFrameId(name, kind))
+        legal = [f.name for f in self.model.frames if f.name != "universe"]
+        raise UnknownLink(self.name, name, legal, where)
 
     def _coupling_matrix(self) -> Array | None:
         if not self.card.coupled:
@@ -192,8 +202,8 @@ class RobotModel:
 
     def _frame_views(self) -> None:
         frames = self.data.oMf
-        self._position = {role: frames[i].translation for role, i in self._role_frame.items()}
-        self._rotation = {role: frames[i].rotation for role, i in self._role_frame.items()}
+        self._position: dict[str, Array] = {role: frames[i].translation for role, i in self._role_frame.items()}
+        self._rotation: dict[str, Array] = {role: frames[i].rotation for role, i in self._role_frame.items()}
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
         self.jacobian: Array = self.data.J
@@ -325,7 +335,10 @@ class RobotModel:
 
     def is_at(self, role: str, pose: Array) -> bool:
         """Tell whether a role's frame has a pose, world from frame, to 1e-9 m and rad, at the last `update`."""
-        off = np.abs(self._position[role] - pose[:3, 3]).max() + np.abs(self._rotation[role] - pose[:3, :3]).max()
+        off = (
+            np.abs(self._position[role] - pose[:3, 3]).max()
+            + np.abs(self._rotation[role] - pose[:3, :3]).max()
+        )
         return bool(off < 1e-9)
 
     def place(self, q: Array, role: str, pose: Array) -> None:
@@ -391,7 +404,9 @@ class RobotModel:
         pairs = {**SEGMENTS, "hips": ("mid_hip", "left_hip"), "shoulders": ("mid_shoulder", "left_shoulder")}
         for segment in factors:
             if segment not in (*pairs, "head", "*"):
-                raise RobotError(f"robot '{self.name}' has no segment '{segment}' to scale; segments: {', '.join(pairs)}")
+                raise RobotError(
+                    f"robot '{self.name}' has no segment '{segment}' to scale; segments: {', '.join(pairs)}"
+                )
         for segment in ("head", "shoulders", "hips", *SEGMENTS):
             if segment not in factors:
                 continue
@@ -439,8 +454,12 @@ def _without_locked(card: RobotCard, model: pin.Model) -> tuple[pin.Model, dict[
             raise UnknownJoint(card.name, name, list(model.names)[2:], "locked")
         joint = model.getJointId(name)
         ids.append(joint)
-        q[model.joints[joint].idx_q] = value
-    return pin.buildReducedModel(model, ids, q), locked
+        first, width = model.joints[joint].idx_q, model.joints[joint].nq
+        q[first : first + width] = (value,) if width == 1 else (np.cos(value), np.sin(value))
+    try:
+        return pin.buildReducedModel(model, ids, q), locked
+    except ValueError as error:
+        raise RobotError(f"robot '{card.name}': its joints cannot be locked: {error}") from None
 
 
 def _require_simple_joints(card: RobotCard, model: pin.Model) -> None:
@@ -459,4 +478,4 @@ def _sole_corners(card: RobotCard) -> Array:
     return np.stack([left, left * [1.0, -1.0, 1.0]])
 
 
-__all__ = ["BASE_NQ", "BASE_NV", "BoolArray", "RobotModel"]
+__all__ = ["BASE_NQ", "BASE_NV", "RobotModel"]

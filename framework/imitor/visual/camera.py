@@ -22,7 +22,7 @@ ELEVATION: Final = math.radians(-11.0)
 """The camera looks down a little [rad]."""
 FOLLOW_S: Final = 0.5
 """Standard deviation of the Gaussian that smooths the camera's way [s]."""
-BORDER: Final = 0.07
+BORDER: Final = 0.05
 """Share of the picture that stays free on each side [-]."""
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from imitor.errors import SinkError
 
 _OFF: Final = ("disable", "disabled", "off", "false", "0")
+_MAX_GEOMS: Final = 2000
 _REMEDY: Final = (
     "install EGL (Debian, Ubuntu: apt install libegl1 libgl1-mesa-dri) and set MUJOCO_GL=egl, "
     "or take `use: video` out of the pipeline's sinks"
@@ -71,17 +72,19 @@ class Offscreen:
     Args:
         model: The MuJoCo model; its off-screen buffer must be as large as the pictures.
         size: Width and height [px].
+        shadows: Whether shadows are cast; they take more than half of the time.
 
     Attributes:
         scene: The abstract scene; geoms may be added between `look` and `picture`.
         camera: A free camera.
     """
 
-    def __init__(self, model: Any, size: tuple[int, int], max_geoms: int = 2000) -> None:
+    def __init__(self, model: Any, size: tuple[int, int], *, shadows: bool = True) -> None:
         self._mujoco = mujoco = import_mujoco()
         self._model = model
         self._gl = _context(*size)
-        self.scene = mujoco.MjvScene(model, maxgeom=max_geoms)
+        self.scene = mujoco.MjvScene(model, maxgeom=_MAX_GEOMS)
+        self.scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = shadows
         self.camera = mujoco.MjvCamera()
         self._option = mujoco.MjvOption()
         self._rect = mujoco.MjrRect(0, 0, *size)

@@ -37,6 +37,7 @@ class Studio:
         size: Width and height of the pictures [px].
         beside: Whether the human stands beside the robot; over it, half transparent, otherwise.
         balance: Whether CoM and support polygon are marked on the floor.
+        shadows: Whether the figures cast shadows.
 
     Attributes:
         time_s: Times of the pictures, shape (T,) [s].
@@ -56,10 +57,11 @@ class Studio:
         size: tuple[int, int],
         beside: bool = True,
         balance: bool = True,
+        shadows: bool = True,
     ) -> None:
         self._clip = clip = make_clip(robot, motion, reference, rows)
         self.time_s: Array = clip.time_s
-        self._balance = balance
+        self._balance, self._shadows = balance, shadows
         self._alpha = 1.0 if beside else 0.45
         self._stick = stick_figure(clip.human_known)
         parts = robot_parts(robot)
@@ -82,7 +84,7 @@ class Studio:
         self._offscreen = self._new_offscreen(size)
 
     def _new_offscreen(self, size: tuple[int, int]) -> Offscreen:
-        offscreen = Offscreen(self._scene.model, size)
+        offscreen = Offscreen(self._scene.model, size, shadows=self._shadows)
         cam = offscreen.camera
         cam.azimuth, cam.elevation = np.degrees(self.view.azimuth), np.degrees(self.view.elevation)
         cam.distance = self.view.distance
