@@ -32,7 +32,9 @@ def small_bvh(frames: int = 30) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _open(lines: list[str], joints: list[str], head: str, offset: tuple[int, int, int], channels: str) -> None:
+def _open(
+    lines: list[str], joints: list[str], head: str, offset: tuple[int, int, int], channels: str
+) -> None:
     joints.append(head.split()[1])
     lines += [head, "{", "OFFSET " + " ".join(map(str, offset)), channels]
 

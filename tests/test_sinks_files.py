@@ -78,15 +78,17 @@ def standing_human() -> np.ndarray:
 class Play:
     """A run of a robot that sways beside a human who sways, and loses a hand for a while."""
 
-    def __init__(self, robot: RobotModel, out: Path, n: int = 31, **info: Any) -> None:
+    def __init__(
+        self, robot: RobotModel, out: Path, n: int = 31, rate_hz: float = RATE_HZ, **info: Any
+    ) -> None:
         stack = TaskStack(robot.n)
         stack.declare("left_hand", TaskKind.POSITION, frame="left_hand")
         stack.declare("right_foot", TaskKind.POSE, frame="right_foot", relative_to="left_foot")
         stack.declare("com", TaskKind.COM)
         stack.compile()
         skeleton = Skeleton("test", frozenset(ROLES), standing_human(), height_m=1.75)
-        self.robot, self.n = robot, n
-        self.info = RunInfo(out, robot, skeleton, RATE_HZ, stack, n, pipeline_name="sway", **info)
+        self.robot, self.n, self.rate_hz = robot, n, rate_hz
+        self.info = RunInfo(out, robot, skeleton, rate_hz, stack, n, pipeline_name="sway", **info)
 
     def records(self) -> Iterator[Record]:
         """Yield the frames; the arrays are the same ones, written over, as in a real run."""
@@ -94,7 +96,7 @@ class Play:
         state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         position = points.copy()
         for i in range(self.n):
-            time_s = i / RATE_HZ
+            time_s = i / self.rate_hz
             position[:] = points
             position[:, 1] += 0.05 * np.sin(2 * time_s)
             valid = np.isfinite(points).all(axis=1)
@@ -277,6 +279,25 @@ def test_both_figures_are_in_the_picture(
     assert min(warm.sum(), cool.sum(), dark.sum()) > 20
     if layout == "beside":
         assert np.median(np.nonzero(warm | cool)[1]) < np.median(np.nonzero(dark)[1])
+
+
+@pytest.mark.usefixtures("can_render")
+@pytest.mark.parametrize(("rate_hz", "fps", "frames"), [(60.0, 30.0, 16), (60.0, 50.0, 26), (8.0, 25.0, 31)])
+def test_a_gif_keeps_the_pace(
+    registry: Registry, robot: RobotModel, tmp_path: Path, rate_hz: float, fps: float, frames: int
+) -> None:
+    from PIL import Image
+
+    options = {**SINKS["video"], "fps": fps, "sheet": False, "size_px": (96, 96)}
+    (gif,) = Play(robot, tmp_path, rate_hz=rate_hz).into(make(registry, "video", **options)).files
+    with Image.open(gif) as video:
+        assert video.n_frames == frames
+        shown_ms = 0
+        for i in range(video.n_frames):
+            video.seek(i)
+            shown_ms += video.info["duration"]
+    last_ms = 1e3 / min(rate_hz, fps)
+    assert shown_ms == pytest.approx(1e3 * 30 / rate_hz + last_ms, abs=10)
 
 
 @pytest.mark.usefixtures("can_render")

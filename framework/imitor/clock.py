@@ -9,6 +9,16 @@ import numpy as np
 from imitor.types import HumanFrame
 
 
+def played(frames: Iterator[HumanFrame], speed: float) -> Iterator[HumanFrame]:
+    """Yield frames with their times stretched from the first one on: half the speed takes twice the time."""
+    start: float | None = None
+    for frame in frames:
+        if speed != 1.0:
+            start = frame.time_s if start is None else start
+            frame = _copy(frame, start + (frame.time_s - start) / speed)  # noqa: PLW2901
+        yield frame
+
+
 def at_rate(frames: Iterator[HumanFrame], source_hz: float, rate_hz: float) -> Iterator[HumanFrame]:
     """Yield frames at another rate, from the first frame's time on.
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from imitor.clock import at_rate
+from imitor.clock import at_rate, played
 from imitor.errors import ImitorError, RunError, SpecError
 from imitor.kinds import (
     WHOLE_RECORDING,
@@ -54,6 +54,8 @@ class Pipeline:
     def __init__(self, spec: PipelineSpec, registry: Registry) -> None:
         self.spec = spec
         self.source = self._start_source(spec.source, registry)
+        if self.source.live and spec.speed != 1.0:
+            raise ImitorError(f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1")
         self.rate_hz = spec.rate_hz or self.source.rate_hz
         self.skeleton: Skeleton = self.source.skeleton
         self.robot = RobotModel.load(spec.robot, registry)
@@ -120,7 +122,7 @@ class Pipeline:
         n = self.source.n_frames
         if n is None:
             return None
-        ratio = self.rate_hz / self.source.rate_hz
+        ratio = self.rate_hz / (self.source.rate_hz * self.spec.speed)
         return int((n - 1) * ratio + 1e-9) + 1 + round(self.spec.settle_s * self.rate_hz)
 
     def _bind(self) -> None:
@@ -145,7 +147,8 @@ class Pipeline:
         self._index = 0
 
     def _human_frames(self) -> Iterator[HumanFrame]:
-        return at_rate(self.source.frames(), self.source.rate_hz, self.rate_hz)
+        speed = self.spec.speed
+        return at_rate(played(self.source.frames(), speed), self.source.rate_hz * speed, self.rate_hz)
 
     def _with_settling(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         last = None

@@ -55,6 +55,7 @@ def run(
     max_frames: int | None = None,
     view: bool = False,
     progress: Progress | None = None,
+    started: Callable[[Pipeline], None] | None = None,
 ) -> RunResult:
     """Run a pipeline to its end, an error, or an interruption; finished frames are kept in every case.
 
@@ -65,6 +66,7 @@ def run(
         max_frames: Stop after so many frames.
         view: Open the windows of sinks that have one.
         progress: Called after every frame with frames done and expected.
+        started: Called once with the built pipeline, before the first frame.
 
     Raises:
         ImitorError: Nothing was run: input, robot, options or folder are wrong.
@@ -74,6 +76,8 @@ def run(
     try:
         result = RunResult(_run_directory(out_dir, spec.name))
         sinks = _open_sinks(spec, registry, pipeline, result, max_frames, view)
+        if started is not None:
+            started(pipeline)
         registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
         try:
             for record in pipeline.records(max_frames):

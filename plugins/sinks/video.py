@@ -22,6 +22,7 @@ log = logging.getLogger("imitor")
 GIF_LIMIT: Final = 1500
 """Longest .gif: its frames are all held in memory while it is written [frames]."""
 _REPORT_EVERY_S: Final = 5.0
+_LARGEST_PX: Final = 4096
 _SUPERSAMPLING: Final = 2
 """Pictures of the contact sheet are rendered so much larger, for smooth edges."""
 
@@ -44,7 +45,9 @@ class VideoConfig(Config):
     size_px: tuple[int, int] = Field(
         (480, 360), description="Width and height of the video, even numbers [px]."
     )
-    fps: float = Field(25.0, gt=0, le=100, description="Pictures per second [Hz].")
+    fps: float = Field(
+        25.0, gt=0, le=50, description="Pictures per second, or the rate of the run where that is less [Hz]."
+    )
     begin_s: float = Field(0.0, ge=0, description="From where in the run the video starts [s].")
     end_s: float | None = Field(None, gt=0, description="Until where; null for the end of the run [s].")
     balance: bool = Field(True, description="Whether CoM and support polygon are marked on the floor [-].")
@@ -60,7 +63,7 @@ class VideoConfig(Config):
     @field_validator("size_px")
     @classmethod
     def _sensible(cls, size: tuple[int, int]) -> tuple[int, int]:
-        if any(n % 2 or not 64 <= n <= 4096 for n in size):
+        if any(n % 2 or not 64 <= n <= _LARGEST_PX for n in size):
             raise ValueError("width and height must be even numbers from 64 to 4096")
         return size
 
@@ -118,7 +121,7 @@ class Video(RecordedSink[VideoConfig]):
         path = self._stem.with_name(f"{self._stem.name}.{self.config.format}")
         write = _write_gif if self.config.format == "gif" else _write_mp4
         with writing(path) as temporary:
-            write(temporary, studio, self.config.fps)
+            write(temporary, studio)
         return path
 
     def _sheet(self, studio: Any) -> Path:
@@ -128,7 +131,8 @@ class Video(RecordedSink[VideoConfig]):
         count = min(c.columns * c.rows, len(studio))
         columns = min(c.columns, count)
         width, height = tile_size(c.size_px, columns, c.sheet_width_px)
-        studio.resize((_SUPERSAMPLING * width, _SUPERSAMPLING * height))
+        scale = min(_SUPERSAMPLING, _LARGEST_PX / max(width, height))
+        studio.resize((int(scale * width), int(scale * height)))
         chosen = np.linspace(0, len(studio) - 1, count).round().astype(int).tolist()
         title = c.title
         if title is None:
@@ -151,7 +155,7 @@ def _reported(studio: Any) -> Iterator[Picture]:
             log.info("video: %d of %d pictures", i + 1, len(studio))
 
 
-def _write_gif(path: Path, studio: Any, fps: float) -> None:
+def _write_gif(path: Path, studio: Any) -> None:
     """Write a .gif with one palette for all pictures, so that still parts stay still and cost nothing."""
     from PIL import Image
 
@@ -162,16 +166,23 @@ def _write_gif(path: Path, studio: Any, fps: float) -> None:
         return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
 
     stream = _reported(studio)
-    # a .gif counts in hundredths of a second, and viewers slow down what is faster than two of them
-    duration_ms = 10 * max(2, round(100.0 / fps))
+    # a .gif counts in hundredths of a second: rounded ends of pictures, not rounded lengths, keep the pace
+    ends = np.append(studio.time_s[1:], studio.time_s[-1] + _step_s(studio)) - studio.time_s[0]
+    durations_ms = 10 * np.diff(np.round(100.0 * ends), prepend=0.0).astype(int)
     reduced(next(stream)).save(
         path,
         save_all=True,
         append_images=(reduced(p) for p in stream),
-        duration=duration_ms,
+        duration=durations_ms.tolist(),
         loop=0,
         optimize=False,
     )
+
+
+def _step_s(studio: Any) -> float:
+    """Return the mean time from picture to picture [s]."""
+    times = studio.time_s
+    return float(times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 1.0
 
 
 def _palette(image: Any) -> Any:
@@ -185,12 +196,12 @@ def _palette(image: Any) -> Any:
     return palette
 
 
-def _write_mp4(path: Path, studio: Any, fps: float) -> None:
+def _write_mp4(path: Path, studio: Any) -> None:
     """Write an .mp4 (H.264)."""
     import imageio
 
     with imageio.get_writer(
-        path, format="FFMPEG", mode="I", fps=fps, quality=8, macro_block_size=2
+        path, format="FFMPEG", mode="I", fps=1.0 / _step_s(studio), quality=8, macro_block_size=2
     ) as writer:
         for picture in _reported(studio):
             writer.append_data(picture)

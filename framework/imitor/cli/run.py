@@ -54,11 +54,24 @@ def execute(args: argparse.Namespace) -> int:
     if not args.quiet:
         for message in spec.dropped:
             print(message, file=sys.stderr)
+    from imitor.pipeline import Pipeline
     from imitor.run import run
 
-    with Progress(rate_hz=spec.rate_hz, quiet=args.quiet) as progress:
+    with Progress(rate_hz=spec.rate_hz, quiet=args.quiet) as progress, progress.logged():
+
+        def started(pipeline: Pipeline) -> None:
+            progress.rate_hz = pipeline.rate_hz
+            for note in pipeline.skeleton.notes:
+                progress.say(note)
+
         result = run(
-            spec, registry, out_dir=args.out, max_frames=args.frames, view=args.view, progress=progress
+            spec,
+            registry,
+            out_dir=args.out,
+            max_frames=args.frames,
+            view=args.view,
+            progress=progress,
+            started=started,
         )
     _report(result, quiet=args.quiet)
     return _EXIT[result.status]

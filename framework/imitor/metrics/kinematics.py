@@ -38,9 +38,10 @@ def fresh_model(card: RobotCard, files: ModelFiles) -> Any:
         if not files.is_mjcf:
             return pin.buildModelFromUrdf(str(files.model), pin.JointModelFreeFlyer())
         model = pin.buildModelFromMJCF(str(files.model))
-        if model.njoints > 1 and model.joints[BASE].nq == 7:
-            return model
-        return pin.buildModelFromMJCF(str(files.model), pin.JointModelFreeFlyer())
+        if model.njoints < 2 or model.joints[BASE].nq != 7:
+            model = pin.buildModelFromMJCF(str(files.model), pin.JointModelFreeFlyer())
+        model.jointPlacements[BASE] = pin.SE3.Identity()  # q is the base in world, wherever the file puts it
+        return model
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"robot '{card.name}': {files.model} cannot be read as a robot: {error}") from None
 

@@ -437,6 +437,7 @@ def _build(card: RobotCard, files: ModelFiles) -> pin.Model:
             model = pin.buildModelFromMJCF(str(files.model))
             if model.njoints < 2 or model.joints[1].nq != BASE_NQ:
                 model = pin.buildModelFromMJCF(str(files.model), pin.JointModelFreeFlyer())
+            model.jointPlacements[1] = pin.SE3.Identity()  # q is the base in world, wherever the file puts it
             return model
         return pin.buildModelFromUrdf(str(files.model), pin.JointModelFreeFlyer())
     except (ValueError, RuntimeError) as error:

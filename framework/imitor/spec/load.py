@@ -109,6 +109,7 @@ class _Loader:
             path=self.path,
             robot=str(robot),
             rate_hz=top.rate_hz,
+            speed=top.speed,
             settle_s=top.settle_s,
             environment=top.environment,
             seed=top.seed,

@@ -20,7 +20,7 @@ from imitor.spec.cards import hint_for, known
 from imitor.spec.document import Document, Loc
 from imitor.spec.yaml_marks import parse_value
 
-_TOP_LEVEL: Final = ("robot", "rate_hz", "settle_s", "seed")
+_TOP_LEVEL: Final = ("robot", "rate_hz", "speed", "settle_s", "seed")
 _RESERVED: Final = ("use", "id", *STAGE_KINDS)
 
 

@@ -26,6 +26,9 @@ class PipelineDocument(BaseModel):
     rate_hz: float | None = Field(
         None, gt=0, le=1000, description="Frames per second of the output; default: the source's rate [Hz]."
     )
+    speed: float = Field(
+        1.0, gt=0, le=10, description="Playback speed of a recording; 0.5 gives a slow robot twice the time [-]."
+    )
     settle_s: float = Field(
         0.0, ge=0, le=600, description="How long the last human frame is held so that transitions finish [s]."
     )
@@ -70,6 +73,7 @@ class PipelineSpec:
         path: The file, if it comes from one.
         robot: Name of a robot or path of a card.
         rate_hz: Output rate [Hz]; ``None`` takes the source's.
+        speed: Playback speed of the recording [-].
         settle_s: How long the last human frame is held [s].
         environment: Objects around the robot.
         seed: Seed of everything random.
@@ -83,6 +87,7 @@ class PipelineSpec:
     path: Path | None = field(compare=False)
     robot: str
     rate_hz: float | None
+    speed: float
     settle_s: float
     environment: list[dict[str, Any]]
     seed: int
@@ -96,7 +101,7 @@ class PipelineSpec:
         data: dict[str, Any] = {"imitor": VERSION, "robot": self.robot}
         if self.rate_hz is not None:
             data["rate_hz"] = self.rate_hz
-        data |= {"settle_s": self.settle_s, "seed": self.seed, "environment": self.environment}
+        data |= {"speed": self.speed, "settle_s": self.settle_s, "seed": self.seed, "environment": self.environment}
         data["source"] = {"use": self.source.name, **self.source.options()}
         data["stages"] = [{s.kind: s.name, "id": s.id, **s.options()} for s in self.stages]
         data["sinks"] = [{"use": s.name, "id": s.id, **s.options()} for s in self.sinks]

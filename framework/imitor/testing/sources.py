@@ -1,0 +1,98 @@
+"""Checks of a source: frames in order of time, honest flags, the same again after a reset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+import numpy as np
+
+from imitor.kinds import Source
+from imitor.testing.expect import AnyComponent, Snapshot, attempt, build, check_same, expect
+from imitor.testing.frames import ARRAYS, check_frame, given_words, snapshot
+from imitor.testing.lifecycle import begin, end, restart
+from imitor.types import N_ROLES, ROLES, HumanFrame, Skeleton
+
+MOST_FRAMES: Final = 1000
+"""How much of a long recording is looked at [frames]."""
+
+
+def check_source(cls: type[Source[Any]], config: Mapping[str, Any] | None = None) -> None:
+    """Check a source by reading it twice. A live source needs a sender: hand its frames to `check_frames`."""
+    extensions = cls.extensions
+    expect(all(e.startswith(".") and e == e.lower() for e in extensions), cls, f"extensions {extensions}: write '.bvh'")
+    has_path = "path" in cls.config_type.model_fields
+    expect(not extensions or has_path, cls, "it recognises files, so its options need a field `path`")
+    if cls.live:
+        return
+    source = build(cls, config)
+    begin(source)
+    check_skeleton(cls, source.skeleton)
+    expect(np.isfinite(source.rate_hz) and source.rate_hz > 0, cls, f"rate_hz is {source.rate_hz}")
+    first = check_frames(cls, source.frames(), source.skeleton, source.rate_hz)
+    n = source.n_frames
+    if len(first) < MOST_FRAMES:
+        expect(n is None or n == len(first), cls, f"n_frames is {n}, but frames() yields {len(first)}")
+    restart(source)
+    again = check_frames(cls, source.frames(), source.skeleton, source.rate_hz)
+    check_same(cls, first, again, "frames() again after reset()")
+    end(source)
+    other = build(cls, config)
+    begin(other)
+    check_same(cls, first, check_frames(cls, other.frames(), other.skeleton, other.rate_hz), "another instance")
+    end(other)
+
+
+def check_frames(
+    cls: AnyComponent, frames: Iterable[HumanFrame], skeleton: Skeleton, rate_hz: float
+) -> list[Snapshot]:
+    """Check the frames of a source, at most `MOST_FRAMES`; return copies of them.
+
+    Args:
+        cls: The source, for messages and for what it promises to give.
+        frames: Its frames.
+        skeleton: Its skeleton.
+        rate_hz: Its rate [Hz].
+    """
+    out: list[Snapshot] = []
+    iterator = iter(frames)
+    while len(out) < MOST_FRAMES:
+        which = f"frame {len(out)}"
+        frame = attempt(cls, which, lambda: next(iterator, None))
+        if frame is None:
+            break
+        check_frame(cls, frame, skeleton, which)
+        for name in ARRAYS:
+            array = getattr(frame, name)
+            expect(
+                array is None or not array.flags.writeable,
+                cls,
+                f"{which}: {name} can be written; pass it through imitor.types.read_only",
+            )
+        extra = given_words(frame) - cls.gives
+        expect(not extra, cls, f"{which} holds {', '.join(sorted(extra))}, which `gives` does not name")
+        out.append(snapshot(frame))
+    expect(out, cls, "it yields no frame")
+    steps = np.diff([float(s["time_s"]) for s in out])
+    expect((steps > 0).all(), cls, f"time does not increase at frame {int(np.argmin(steps)) + 1}")
+    if len(steps):
+        rate = 1.0 / float(steps.mean())
+        expect(abs(rate / rate_hz - 1) < 0.01, cls, f"rate_hz is {rate_hz}, but frames come at {rate:.3f} Hz")
+    return out
+
+
+def check_skeleton(cls: AnyComponent, skeleton: Skeleton) -> None:
+    """Check the constant facts about the human."""
+    expect(isinstance(skeleton, Skeleton), cls, "start() sets no skeleton")
+    unknown = skeleton.roles - set(ROLES)
+    expect(not unknown, cls, f"the skeleton's roles {', '.join(sorted(unknown))} are none of imitor.ROLES")
+    rest = skeleton.rest_position
+    expect(rest.shape == (N_ROLES, 3), cls, f"rest_position has shape {rest.shape}, not {(N_ROLES, 3)}")
+    known = {r for r, p in zip(ROLES, rest, strict=True) if np.isfinite(p).all()}
+    wrong = known ^ skeleton.roles
+    expect(not wrong, cls, f"rest_position and roles disagree about {', '.join(sorted(wrong))}")
+    for name in ("height_m", "ankle_height_m", "toe_height_m", "mass_kg"):
+        value = getattr(skeleton, name)
+        expect(np.isfinite(value) and value > 0, cls, f"the skeleton's {name} is {value}")
+
+
