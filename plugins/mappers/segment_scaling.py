@@ -23,8 +23,12 @@ class SegmentScalingConfig(Config):
     )
     free_foot: Literal["position", "ground"] = Field(
         "position",
-        description="What the foot task holds of a foot in the air: position, its scaled place; ground, only height "
-        "and level near the floor, so that the leg's directions place it.",
+        description="What the foot task holds of a foot in the air: position, its scaled place; ground, only its "
+        "height, and level near the floor, so that the leg's directions place it.",
+    )
+    roll: bool = Field(
+        False,
+        description="Whether a standing foot rolls over the edge of its sole when the human's heel or toes rise.",
     )
     flat_below_m: float = Field(
         0.04, gt=0, description="A free foot with heel and toes lower than this is held flat [m]."
@@ -72,7 +76,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         robot, config = self.robot, self.config
         self._cross3 = cross3
         self._body = ScaledBody(robot, self.skeleton)
-        self._settings = FootSettings(config.flat_below_m, config.free_above_m, config.blend_s)
+        self._settings = FootSettings(
+            config.flat_below_m, config.free_above_m, config.blend_s, config.roll
+        )
         self._footing = Footing(robot, self.skeleton, self._settings, self.dt_s)
         self._ground_only = config.free_foot == "ground"
         index = self._body.segments.index
@@ -120,15 +126,15 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             self._com.target[:] = mid_hip + body.leg_ratio * (frame.com - body.mid_hip)
         self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
+        flight = footing.anchor < 0  # then the feet are all that places the robot
         for task, sole, foot, stands in zip(
             self._feet, self._soles, footing.feet, footing.contact, strict=True
         ):
             task.target[:] = foot.pose
             level = stands or foot.freedom(self._settings) < 1.0
-            placed = stands or not self._ground_only
-            task.mask[:2], task.mask[2] = placed, placed or foot.clearance < config.free_above_m
+            task.mask[:2] = stands or flight or not self._ground_only
             task.mask[3:5], task.mask[5] = level, stands
-            task.active[0] = placed or level or bool(task.mask[2])
+            task.active[0] = True
             sole.active[0] = not stands
             sole.target[:] = foot.pose[:3, :3]
         stack.anchor = ""

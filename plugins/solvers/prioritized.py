@@ -24,6 +24,12 @@ class PrioritizedConfig(IterativeConfig):
         gt=0,
         description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones [-].",
     )
+    step_damping: float = Field(
+        0.05,
+        ge=0,
+        description="Damping of the steps below the first level: keeps joints calm that a straight limb leaves "
+        "almost without effect [-].",
+    )
     error_damping: float = Field(
         1.0, ge=0, description="Damping of a level by its error, lambda^2 = value * |e|^2 [-]; bounds steps."
     )
@@ -49,7 +55,10 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
     def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the prioritised step within bounds, by clamping."""
         e, starts, config = layout.e, layout.starts, self.config
-        damping2 = (config.error_damping * np.add.reduceat(e * e, starts)).tolist() if layout.m else []
+        calm = config.step_damping**2
+        damping2 = (config.error_damping * np.add.reduceat(e * e, starts) + calm).tolist() if layout.m else []
+        if damping2 and layout.first_level:
+            damping2[0] -= calm
         floor2 = config.damping**2
         step, _ = self._clamped_step(
             J, e, g, starts, damping2, floor2, limits, speeds, layout.first, config.max_step_rad

@@ -48,6 +48,7 @@ class Layout:
         n: Number of columns; ``first`` of them are those of a free base (6, or 0 with an anchor).
         J, e: Jacobian (m, n) and error (m,).
         starts: First row of each level.
+        first_level: Whether rows of the order's first level are among them.
         root_weight: Root of each row's weight (m,), or ``None`` when all are 1.
         W: Wrench of each row about the world's origin, (m, 6).
         mask: Columns that move the row's frame against its reference, (m, n).
@@ -58,6 +59,7 @@ class Layout:
     J: Array
     e: Array
     starts: list[int]
+    first_level: bool
     root_weight: Array | None
     W: Array
     mask: Array
@@ -161,6 +163,7 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
         J=np.zeros((m, n)),
         e=np.zeros(m),
         starts=[i for i in range(m) if i == 0 or level[i] != level[i - 1]],
+        first_level=bool(level) and level[0] == 0,
         root_weight=None if all(w == 1.0 for w in weight) else np.sqrt(weight),
         W=W,
         mask=np.array(mask).reshape(m, n),

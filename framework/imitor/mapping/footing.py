@@ -9,7 +9,7 @@ flat before it lands, about whatever heading the leg gives it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan2, cos, exp, hypot, sin, sqrt
+from math import asin, atan2, cos, exp, hypot, sin, sqrt
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,10 @@ from imitor.robot.model import RobotModel
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton, Support
 
 _FLIGHT: Final = -1
+LEVEL_RAD: Final = 0.06
+"""A rolling foot tilted less than this is flat [rad]: noise must not rock the robot."""
+ROLL_RAD: Final = 0.9
+"""Most that a standing foot rolls [rad]."""
 Vector = tuple[float, float, float]
 
 
@@ -36,11 +40,13 @@ class FootSettings:
         flat_below_m: A free foot whose heel and toes are lower than this is flat; at twice this it follows the human.
         free_above_m: Above this clearance the foot's height is the scaled body's, below it the clearance's.
         blend_s: Time constant with which a foot's offset at lift-off from the scaled body fades [s].
+        roll: Whether a standing foot rolls over the front or rear edge of its sole with the human's, or stays flat.
     """
 
     flat_below_m: float
     free_above_m: float
     blend_s: float
+    roll: bool = False
 
 
 class Foot:
@@ -64,7 +70,10 @@ class Foot:
             robot.position(f"{side}_ankle") - robot.position(self.role)
         )
         self._corners = robot.sole[SIDES.index(side)]
+        x = self._corners[:, 0]
+        self._edges = (np.array([x.min(), 0.0, 0.0]), np.array([x.max(), 0.0, 0.0]))  # heel, front
         self.pose: Array = np.eye(4)
+        self._flat: Array = np.eye(4)
         self.turn: Array = np.eye(3)
         self.offset: Array = np.zeros(3)
         self.clearance = 0.0
@@ -105,18 +114,36 @@ class Foot:
         )
 
     def stand(self, robot_pose: Array) -> None:
-        """Put the sole flat on the ground below where the robot's foot is."""
-        self.pose[:3, :3] = _yaw(atan2(float(robot_pose[1, 0]), float(robot_pose[0, 0])))
-        self.pose[:2, 3], self.pose[2, 3] = robot_pose[:2, 3], 0.0
+        """Put the sole flat on the ground where the robot's foot is, its lower edge unmoved."""
+        edge = self._edges[int(robot_pose[2, 0] < 0.0)]
+        heading = _yaw(atan2(float(robot_pose[1, 0]), float(robot_pose[0, 0])))
+        self._flat[:3, :3] = heading
+        self._flat[:2, 3] = (robot_pose[:3, 3] + (robot_pose[:3, :3] - heading) @ edge)[:2]
+        self._flat[2, 3] = 0.0
+        self.pose[:] = self._flat
 
-    def swing(self, ankle: Array, ratio: float, settings: FootSettings) -> None:
-        """Follow the scaled body's ankle, shape (3,) [m], over the ground."""
-        follow = self.freedom(settings)
+    def roll(self) -> None:
+        """Turn the standing sole about its front edge with the human's rising heel, about its rear edge with the toes."""
+        pitch = asin(min(max(-float(self.turn[2, 0]), -1.0), 1.0))
+        pitch = min(max(pitch - min(max(pitch, -LEVEL_RAD), LEVEL_RAD), -ROLL_RAD), ROLL_RAD)
+        c, s = cos(pitch), sin(pitch)
+        edge = self._edges[int(pitch > 0.0)]
+        R = self._flat[:3, :3] @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        self.pose[:3, :3] = R
+        self.pose[:3, 3] = self._flat[:3, 3] + (self._flat[:3, :3] - R) @ edge
+
+    def swing(self, ankle: Array, ratio: float, settings: FootSettings, robot_turn: Array) -> None:
+        """Follow the scaled body's ankle, shape (3,) [m], over the ground.
+
+        ``robot_turn`` is how the robot's sole is turned now, world from sole: where its ankle cannot turn the sole as
+        far as the human's, the lower one of both soles clears the floor.
+        """
+        follow = 1.0 if settings.roll else self.freedom(settings)
         heading = atan2(float(self.turn[1, 0]), float(self.turn[0, 0]))
         self.pose[:3, :3] = _between(_yaw(heading), self.turn, follow)
         R = self.pose[:3, :3]
         sole = ankle + self.offset - R @ self._sole_to_ankle
-        deepest = float((self._corners @ R[2]).min())
+        deepest = min(float((self._corners @ R[2]).min()), float((self._corners @ robot_turn[2]).min()))
         w = smoothstep(self.clearance / settings.free_above_m)
         height = w * float(sole[2]) + (1 - w) * (ratio * self.clearance - deepest)
         self.pose[:2, 3], self.pose[2, 3] = sole[:2], max(height, -deepest)
@@ -213,6 +240,8 @@ class Footing:
         for i, foot in enumerate(self.feet):
             if landed[i]:
                 foot.stand(self._robot.pose(foot.role))
+            if wanted[i] and self._settings.roll:
+                foot.roll()
         self.contact = wanted
         self._choose_anchor()
         self._place_body(ankles, human, ratio, any(landed) or any(lifted))
@@ -225,7 +254,7 @@ class Footing:
                 foot.offset[2] = 0.0
             else:
                 foot.offset *= self._fade
-            foot.swing(ankle, ratio, self._settings)
+            foot.swing(ankle, ratio, self._settings, self._robot.rotation(foot.role))
         self._human_mid_hip = human[0].copy()
 
     def _start(self, wanted: list[bool], ankles: Array, human: tuple[Array, Array], ratio: float) -> None:
@@ -235,6 +264,7 @@ class Footing:
             foot.pose[:3, 3] = (self.mid_hip + ankles[i])[0], (self.mid_hip + ankles[i])[1], 0.0
             foot.pose[:3, :3] = _yaw(atan2(float(foot.turn[1, 0]), float(foot.turn[0, 0])))
             foot.pose[:2, 3] -= (foot.ankle_of(foot.pose) - foot.pose[:3, 3])[:2]
+            foot.stand(foot.pose)
         self.contact = list(wanted)
         self._human_mid_hip = human[0].copy()
         lowest = min(float(ankles[i][2] - foot.ankle_of(np.eye(4))[2]) for i, foot in enumerate(self.feet))

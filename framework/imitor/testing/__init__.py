@@ -10,11 +10,11 @@ no network; heavy packages are imported when a check runs.
 """
 
 from imitor.testing.component import check_component
+from imitor.testing.filters import check_filter
 from imitor.testing.fixtures import Run, make_context, make_frames, make_robot, make_run, make_skeleton
 from imitor.testing.imports import HEAVY_PACKAGES, check_import
 from imitor.testing.mappers import check_mapper
 from imitor.testing.options import check_config, check_names
-from imitor.testing.filters import check_filter
 from imitor.testing.postprocessors import check_postprocessor
 from imitor.testing.sinks import check_sink
 from imitor.testing.solvers import check_solver

@@ -50,7 +50,9 @@ def _run(component: Filter[Any], frames: Sequence[HumanFrame], name: str) -> lis
         result = attempt(cls, f"step() on {which}", lambda f=frame: component.step(f))  # type: ignore[misc]
         check_frame(cls, result, skeleton, which)
         check_untouched(cls, given, before, which)
-        expect(result.time_s == time_s, cls, f"{which}: it changed the time from {time_s} to {result.time_s} s")
+        expect(
+            result.time_s == time_s, cls, f"{which}: it changed the time from {time_s} to {result.time_s} s"
+        )
         lost = (held | cls.gives) - given_words(result)
         expect(not lost, cls, f"{which}: {', '.join(sorted(lost))} is missing from what it gives back")
         out.append(snapshot(result))

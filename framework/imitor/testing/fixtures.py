@@ -143,7 +143,12 @@ class Run:
             robot.update(state.q)
             for task in info.stack:
                 _aim(task.kind, task.target, robot, task.frame)
-            record.index, record.time_s, record.human, record.compute_s = i, frame.time_s, replace(frame), 1e-3
+            record.index, record.time_s, record.human, record.compute_s = (
+                i,
+                frame.time_s,
+                replace(frame),
+                1e-3,
+            )
             yield record
 
 

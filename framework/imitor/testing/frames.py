@@ -42,7 +42,11 @@ def check_frame(cls: AnyComponent, frame: HumanFrame, skeleton: Skeleton, which:
     expect(not unknown, cls, f"{which} has {', '.join(unknown)}, which the skeleton's roles do not name")
     if frame.orientation is not None:
         shape = (N_ROLES, 3, 3)
-        expect(frame.orientation.shape == shape, cls, f"{which}: orientation is {frame.orientation.shape}, not {shape}")
+        expect(
+            frame.orientation.shape == shape,
+            cls,
+            f"{which}: orientation is {frame.orientation.shape}, not {shape}",
+        )
         known = np.isfinite(frame.orientation).all(axis=(1, 2))
         expect(
             np.isnan(frame.orientation[~known]).all() and is_rotation(frame.orientation[known]),
@@ -50,10 +54,14 @@ def check_frame(cls: AnyComponent, frame: HumanFrame, skeleton: Skeleton, which:
             f"{which}: an orientation is no rotation; it is one, or NaN where not known",
         )
     if frame.marker is not None:
-        _points(cls, which, "marker", "marker_valid", frame.marker, frame.marker_valid, len(skeleton.marker_names))
+        _points(
+            cls, which, "marker", "marker_valid", frame.marker, frame.marker_valid, len(skeleton.marker_names)
+        )
     if frame.target is not None:
         n = len(skeleton.target_names)
-        expect(frame.target.shape == (n, 4, 4), cls, f"{which}: target is {frame.target.shape}, not {(n, 4, 4)}")
+        expect(
+            frame.target.shape == (n, 4, 4), cls, f"{which}: target is {frame.target.shape}, not {(n, 4, 4)}"
+        )
         valid = frame.target_valid
         expect(valid is not None and valid.shape == (n,), cls, f"{which}: target_valid does not fit target")
         if valid is not None:
@@ -78,8 +86,14 @@ def _points(
         raise AssertionError(f"{title(cls)}: {which}: {name} without {flag}")
     fits = valid.shape == (n,) and valid.dtype == np.bool_
     expect(fits, cls, f"{which}: {flag} is {valid.dtype} of shape {valid.shape}, not bool of {(n,)}")
-    expect(np.isfinite(points[valid]).all(), cls, f"{which}: a point of {name} is not finite though {flag} says so")
-    expect(np.isnan(points[~valid]).all(), cls, f"{which}: a point of {name} has a place though {flag} denies it")
+    expect(
+        np.isfinite(points[valid]).all(),
+        cls,
+        f"{which}: a point of {name} is not finite though {flag} says so",
+    )
+    expect(
+        np.isnan(points[~valid]).all(), cls, f"{which}: a point of {name} has a place though {flag} denies it"
+    )
 
 
 def check_untouched(cls: AnyComponent, frame: HumanFrame, before: Snapshot, which: str) -> None:
@@ -96,7 +110,9 @@ def lost_points(frames: Sequence[HumanFrame]) -> list[HumanFrame]:
     out = []
     n = len(frames)
     arm = np.array([r.startswith("left_") and r[5:] in ("shoulder", "elbow", "wrist", "hand") for r in ROLES])
-    leg = np.array([r.startswith("right_") and r[6:] in ("hip", "knee", "ankle", "heel", "toe") for r in ROLES])
+    leg = np.array(
+        [r.startswith("right_") and r[6:] in ("hip", "knee", "ankle", "heel", "toe") for r in ROLES]
+    )
     for i, frame in enumerate(frames):
         lost = np.zeros(N_ROLES, dtype=bool)
         lost |= arm & (n // 5 <= i < 2 * n // 5)

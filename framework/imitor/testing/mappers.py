@@ -68,6 +68,8 @@ def _run(component: Mapper[Any], stack: TaskStack, frames: Sequence[HumanFrame],
         check_untouched(cls, frame, before, which)
         stacks.check_targets(cls, stack, robot, which)
         moved = bool((robot.com != robot_before).any())
-        expect(not moved, cls, f"{which}: it moved the robot; put it back with robot.update, or copy the model")
+        expect(
+            not moved, cls, f"{which}: it moved the robot; put it back with robot.update, or copy the model"
+        )
         out.append(stacks.snapshot(stack))
     return out

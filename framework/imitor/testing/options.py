@@ -22,11 +22,17 @@ _UNIT: Final = re.compile(r"\[[^\[\]]+\]")
 def check_names(cls: AnyComponent) -> None:
     """Check name, summary, and the words of ``wants`` and ``gives``."""
     expect(cls.name, cls, "it has no `name`")
-    expect(re.fullmatch(r"[a-z][a-z0-9_]*", cls.name), cls, f"its name '{cls.name}' is not in lower_snake_case")
-    expect("__doc__" in vars(cls) and cls.summary(), cls, "it has no docstring; its first line is the summary")
+    expect(
+        re.fullmatch(r"[a-z][a-z0-9_]*", cls.name), cls, f"its name '{cls.name}' is not in lower_snake_case"
+    )
+    expect(
+        "__doc__" in vars(cls) and cls.summary(), cls, "it has no docstring; its first line is the summary"
+    )
     expect(kind_of(cls) == cls.kind, cls, f"its kind is '{cls.kind}', its base class is of '{kind_of(cls)}'")
     strange = (cls.wants - _HUMAN - {"configuration"}) | (cls.gives - _HUMAN)
-    expect(not strange, cls, f"wants or gives {', '.join(sorted(strange))}; known: {', '.join(sorted(_HUMAN))}")
+    expect(
+        not strange, cls, f"wants or gives {', '.join(sorted(strange))}; known: {', '.join(sorted(_HUMAN))}"
+    )
 
 
 def check_config(cls: AnyComponent, config: Mapping[str, Any] | None = None) -> None:
@@ -108,4 +114,6 @@ def _check_round_trip(cls: AnyComponent, config: Config) -> None:
     except ValidationError as error:
         expect(False, cls, f"its own options, written as YAML, are refused: {error}")
     else:
-        expect(again == config, cls, f"its options change on the way through YAML: {config!r}, then {again!r}")
+        expect(
+            again == config, cls, f"its options change on the way through YAML: {config!r}, then {again!r}"
+        )

@@ -72,7 +72,9 @@ def _wild(robot: RobotModel) -> list[Array]:
     return [near_standing(robot, rng, 1.5) for _ in range(FRAMES)]
 
 
-def _run(component: Postprocessor[Any], stack: TaskStack, motion: Sequence[Array], name: str) -> list[Snapshot]:
+def _run(
+    component: Postprocessor[Any], stack: TaskStack, motion: Sequence[Array], name: str
+) -> list[Snapshot]:
     cls, robot = type(component), component.robot
     state = standing_state(robot)
     foot = robot.pose("left_foot")
@@ -94,7 +96,9 @@ def _run(component: Postprocessor[Any], stack: TaskStack, motion: Sequence[Array
         check_configuration(cls, robot, stack, state, which)
         moved = float(np.abs(robot.pose("right_foot") - right).max())
         expect(
-            not stack.contact[1] or moved <= STANDS, cls, f"{which}: it moved the right foot, which stands, by {moved:.2g} m"
+            not stack.contact[1] or moved <= STANDS,
+            cls,
+            f"{which}: it moved the right foot, which stands, by {moved:.2g} m",
         )
         out.append({"q": state.q.copy()})
     return out

@@ -33,11 +33,19 @@ def check_sink(
         folder = Path(name)
         whole = _write(cls, config, make_run(_made(folder / "whole"), FRAMES, robot=robot), FRAMES)
         _check_length(cls, whole, FRAMES)
-        again = _write(cls, config, make_run(_made(folder / "again"), FRAMES, robot=robot), FRAMES, spoil=True)
-        for path, other in zip(whole, again, strict=True):
-            if path.suffix in _REPEATABLE:
+        if any(path.suffix in _REPEATABLE for path in whole):
+            again = _write(
+                cls, config, make_run(_made(folder / "again"), FRAMES, robot=robot), FRAMES, spoil=True
+            )
+            for path, other in zip(whole, again, strict=True):
+                if path.suffix not in _REPEATABLE:
+                    continue
                 same = path.read_bytes() == other.read_bytes()
-                expect(same, cls, f"{path.name} changes with what happens to the frames after `write`; copy the arrays")
+                expect(
+                    same,
+                    cls,
+                    f"{path.name} changes with what happens to the frames after `write`; copy the arrays",
+                )
         part = _write(cls, config, make_run(_made(folder / "part"), FRAMES, robot=robot), FRAMES // 2)
         _check_length(cls, part, FRAMES // 2)
         _write(cls, config, make_run(_made(folder / "none"), FRAMES, robot=robot), 0)
@@ -57,7 +65,7 @@ def _write(
     attempt(cls, "start()", sink.start)
     attempt(cls, "open()", lambda: sink.open(run.info))
     record = None
-    for record in run.records():  # noqa: B007
+    for record in run.records():
         if record.index >= n:
             break
         which = f"frame {record.index}"
@@ -75,7 +83,9 @@ def _write(
     if spoil and record is not None:
         record.state.q[:] = np.nan
         run.info.stack.flat_target[:] = np.nan
-    early = {p: p.stat().st_mtime_ns for p in out_dir.rglob("*") if p.is_file() and not p.name.startswith(".")}
+    early = {
+        p: p.stat().st_mtime_ns for p in out_dir.rglob("*") if p.is_file() and not p.name.startswith(".")
+    }
     report = attempt(cls, "finish()", sink.finish)
     expect(isinstance(report, SinkReport), cls, f"finish() gave a {type(report).__name__}, not a SinkReport")
     files = [Path(p) for p in report.files]
@@ -84,7 +94,9 @@ def _write(
     _check_files(cls, out_dir, files, n)
     content = {p: p.read_bytes() for p in files}
     attempt(cls, "finish() after finish()", sink.finish)
-    lost = [p.name for p in files if not p.is_file() or (p.suffix in _REPEATABLE and p.read_bytes() != content[p])]
+    lost = [
+        p.name for p in files if not p.is_file() or (p.suffix in _REPEATABLE and p.read_bytes() != content[p])
+    ]
     expect(not lost, cls, f"finish() after finish() damages {', '.join(lost)}")
     end(sink)
     return files
@@ -96,7 +108,9 @@ def _check_files(cls: type[Sink[Any]], out_dir: Path, files: list[Path], n: int)
         expect(there, cls, f"it reports {path.name}, which is missing or empty")
     found = {p.resolve() for p in out_dir.rglob("*") if p.is_file()}
     strange = sorted(str(p.relative_to(out_dir.resolve())) for p in found - {p.resolve() for p in files})
-    expect(not strange, cls, f"after {n} frames it leaves {', '.join(strange)}, which its report does not name")
+    expect(
+        not strange, cls, f"after {n} frames it leaves {', '.join(strange)}, which its report does not name"
+    )
 
 
 def _check_length(cls: type[Sink[Any]], files: list[Path], n: int) -> None:
@@ -108,5 +122,9 @@ def _check_length(cls: type[Sink[Any]], files: list[Path], n: int) -> None:
                     count = len(arrays["time_s"])
                     expect(count == n, cls, f"{path.name} holds {count} frames of {n}")
         elif path.suffix == ".csv":
-            lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-            expect(len(lines) == n + 1, cls, f"{path.name} holds {len(lines) - 1} frames of {n} under its head")
+            lines = [
+                line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
+            ]
+            expect(
+                len(lines) == n + 1, cls, f"{path.name} holds {len(lines) - 1} frames of {n} under its head"
+            )

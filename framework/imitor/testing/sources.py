@@ -20,7 +20,11 @@ MOST_FRAMES: Final = 1000
 def check_source(cls: type[Source[Any]], config: Mapping[str, Any] | None = None) -> None:
     """Check a source by reading it twice. A live source needs a sender: hand its frames to `check_frames`."""
     extensions = cls.extensions
-    expect(all(e.startswith(".") and e == e.lower() for e in extensions), cls, f"extensions {extensions}: write '.bvh'")
+    expect(
+        all(e.startswith(".") and e == e.lower() for e in extensions),
+        cls,
+        f"extensions {extensions}: write '.bvh'",
+    )
     has_path = "path" in cls.config_type.model_fields
     expect(not extensions or has_path, cls, "it recognises files, so its options need a field `path`")
     if cls.live:
@@ -39,7 +43,9 @@ def check_source(cls: type[Source[Any]], config: Mapping[str, Any] | None = None
     end(source)
     other = build(cls, config)
     begin(other)
-    check_same(cls, first, check_frames(cls, other.frames(), other.skeleton, other.rate_hz), "another instance")
+    check_same(
+        cls, first, check_frames(cls, other.frames(), other.skeleton, other.rate_hz), "another instance"
+    )
     end(other)
 
 
@@ -94,5 +100,3 @@ def check_skeleton(cls: AnyComponent, skeleton: Skeleton) -> None:
     for name in ("height_m", "ankle_height_m", "toe_height_m", "mass_kg"):
         value = getattr(skeleton, name)
         expect(np.isfinite(value) and value > 0, cls, f"the skeleton's {name} is {value}")
-
-

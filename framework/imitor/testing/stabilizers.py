@@ -40,14 +40,19 @@ def check_stabilizer(
 
 
 def _build(
-    cls: type[Stabilizer[Any]], config: Mapping[str, Any] | None, robot: RobotModel, frames: Sequence[HumanFrame]
+    cls: type[Stabilizer[Any]],
+    config: Mapping[str, Any] | None,
+    robot: RobotModel,
+    frames: Sequence[HumanFrame],
 ) -> tuple[Stabilizer[Any], TaskStack]:
     component = build(cls, config, make_context(robot))
     stack = TaskStack(robot.n)
     stacks.declare_canonical(stack, robot, leave_out=cls.declares)
     before = stack.names
     unknown = sorted(cls.needs_tasks - set(before))
-    expect(not unknown, cls, f"it needs the tasks {', '.join(unknown)}, which no mapper declares under that name")
+    expect(
+        not unknown, cls, f"it needs the tasks {', '.join(unknown)}, which no mapper declares under that name"
+    )
     attempt(cls, "declare()", lambda: component.declare(stack))
     stacks.check_declared(component, stack, before)
     stack.compile()
@@ -55,7 +60,9 @@ def _build(
     return component, stack
 
 
-def _run(component: Stabilizer[Any], stack: TaskStack, frames: Sequence[HumanFrame], name: str) -> list[Snapshot]:
+def _run(
+    component: Stabilizer[Any], stack: TaskStack, frames: Sequence[HumanFrame], name: str
+) -> list[Snapshot]:
     cls, robot = type(component), component.robot
     state = standing_state(robot)
     soles = {side: robot.pose(f"{side}_foot") for side in SIDES}
@@ -68,7 +75,9 @@ def _run(component: Stabilizer[Any], stack: TaskStack, frames: Sequence[HumanFra
         call = lambda f=frame: component.step(f, stack, state)  # noqa: E731
         attempt(cls, f"step() on {which}", call)
         check_untouched(cls, frame, before, which)
-        expect((state.q == q).all(), cls, f"{which}: it changed the configuration; a stabilizer changes tasks")
+        expect(
+            (state.q == q).all(), cls, f"{which}: it changed the configuration; a stabilizer changes tasks"
+        )
         stacks.check_targets(cls, stack, robot, which)
         out.append(stacks.snapshot(stack))
         state.q.flags.writeable = True

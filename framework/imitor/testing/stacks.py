@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -74,7 +74,9 @@ def error_of(task: Task, robot: RobotModel, q: Array) -> float:
     if task.kind is K.ORIENTATION:
         return angle(there, target)
     if task.kind is K.POSE:
-        return float(np.hypot(np.linalg.norm(there[:3, 3] - target[:3, 3]), angle(there[:3, :3], target[:3, :3])))
+        return float(
+            np.hypot(np.linalg.norm(there[:3, 3] - target[:3, 3]), angle(there[:3, :3], target[:3, :3]))
+        )
     if task.kind is K.DIRECTION:
         return float(np.arctan2(np.linalg.norm(np.cross(there, target)), there @ target))
     return float(np.linalg.norm(there - target))
@@ -114,7 +116,7 @@ def set_writable(stack: TaskStack, *, writable: bool) -> None:
         array.flags.writeable = writable
 
 
-def check_declared(component: Component[object], stack: TaskStack, before: Collection[str]) -> None:
+def check_declared(component: Component[Any], stack: TaskStack, before: Collection[str]) -> None:
     """Check that a mapper or stabilizer declares what its class says, for frames that the robot has."""
     cls = type(component)
     declares = getattr(cls, "declares", {})
@@ -130,7 +132,9 @@ def check_declared(component: Component[object], stack: TaskStack, before: Colle
             f"it declares '{name}' as {task.kind}, but `declares` says {declares[name]}",
         )
         for role in (task.frame, task.relative_to):
-            expect(not role or robot.has(role), cls, f"task '{name}': robot '{robot.name}' has no frame '{role}'")
+            expect(
+                not role or robot.has(role), cls, f"task '{name}': robot '{robot.name}' has no frame '{role}'"
+            )
         needs_frame = task.kind in (K.POSITION, K.ORIENTATION, K.DIRECTION, K.POSE)
         expect(not needs_frame or task.frame, cls, f"task '{name}' of kind {task.kind} names no frame")
         expect(task.kind is not K.DIRECTION or task.relative_to, cls, f"task '{name}' points from no frame")
@@ -148,16 +152,26 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
             length = float(np.linalg.norm(target))
             expect(abs(length - 1) < 1e-6, cls, f"{name} has a direction of length {length:.6g}, not 1")
         elif task.kind in (K.ORIENTATION, K.POSE):
-            expect(is_rotation(target[:3, :3]), cls, f"{name}: the rotation of its target is none: {short(target)}")
+            expect(
+                is_rotation(target[:3, :3]),
+                cls,
+                f"{name}: the rotation of its target is none: {short(target)}",
+            )
         if task.kind is K.POSE:
-            expect((target[3] == (0, 0, 0, 1)).all(), cls, f"{name}: the last row of its target is {target[3]}")
+            expect(
+                (target[3] == (0, 0, 0, 1)).all(), cls, f"{name}: the last row of its target is {target[3]}"
+            )
     expect(
-        not stack.anchor or robot.has(stack.anchor), cls, f"{which}: the anchor '{stack.anchor}' is no frame of the robot"
+        not stack.anchor or robot.has(stack.anchor),
+        cls,
+        f"{which}: the anchor '{stack.anchor}' is no frame of the robot",
     )
     pose = stack.anchor_pose
     sound = not stack.anchor or (is_rotation(pose[:3, :3]) and np.isfinite(pose).all())
     expect(sound, cls, f"{which}: the anchor's pose is none: {short(pose)}")
     contact = np.asarray(stack.contact)
     expect(
-        contact.shape == (2,) and contact.dtype == np.bool_, cls, f"{which}: contact is {contact}, not two flags"
+        contact.shape == (2,) and contact.dtype == np.bool_,
+        cls,
+        f"{which}: contact is {contact}, not two flags",
     )
