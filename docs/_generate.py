@@ -182,7 +182,9 @@ def broken_part(registry: Registry, _: str) -> str:
                 if re.match(r" *\d* \| ", line):
                     line = line.partition("^")[2]  # of the source line and the caret, only the suggestion
                 said.append(code(line))
-            rows.append((cell(case.wrong), code(case.command), "<br>".join(filter(None, said)), str(case.status)))
+            rows.append(
+                (cell(case.wrong), code(case.command), "<br>".join(filter(None, said)), str(case.status))
+            )
         head = ("what is wrong", "`imitor …`", "what is said", "status")
         out.append(f"### {group}\n\n{table(head, rows)}")
     return "\n".join(out)
@@ -196,11 +198,18 @@ def references_part(registry: Registry, _: str) -> str:
 def references() -> dict[str, str]:
     """Return every entry of ``references.bib``: key -> text."""
     out = {}
-    for entry in re.findall(r"^@\w+\{(\w+),\n(.*?)^\}", (DOCS / "references.bib").read_text(encoding="utf-8"), re.M | re.S):
+    for entry in re.findall(
+        r"^@\w+\{(\w+),\n(.*?)^\}", (DOCS / "references.bib").read_text(encoding="utf-8"), re.M | re.S
+    ):
         key, body = entry
         fields = {n: re.sub(r"\s+", " ", v.replace("{", "").replace("}", "")).strip()
                   for n, v in re.findall(r"(\w+) *= \{(.*?)\},\n", body, re.S)}  # fmt: skip
-        place = fields.get("journal") or fields.get("booktitle") or fields.get("institution") or fields["publisher"]
+        place = (
+            fields.get("journal")
+            or fields.get("booktitle")
+            or fields.get("institution")
+            or fields["publisher"]
+        )
         where = [f"*{place}*"]
         if "volume" in fields:
             where[0] += f" {fields['volume']}({fields['number']})"
@@ -340,7 +349,9 @@ def rendered(registry: Registry) -> dict[Path, str]:
 def main() -> int:
     """Write the pages, or with ``--check`` say which are out of step."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--check", action="store_true", help="write nothing; exit 1 if something is out of step")
+    options.add_argument(
+        "--check", action="store_true", help="write nothing; exit 1 if something is out of step"
+    )
     check = options.parse_args().check
     stale = []
     for path, text in rendered(Registry(entry_points=False)).items():

@@ -323,7 +323,7 @@ def plugin(name: str, code: str) -> dict[str, str]:
 
 
 _COMPONENT = """\
-import os, signal
+import signal
 from imitor import Config, Filter, Postprocessor, Sink, hookimpl
 
 class Mine({base}[Config]):
@@ -405,7 +405,7 @@ def _running() -> Iterator[Case]:
     )  # fmt: skip
     yield filter_case(
         "Ctrl-C", "acme_stop", "interrupted: interrupted after 2 frames",
-        "os.kill(os.getpid(), signal.SIGINT)", 130,
+        "signal.raise_signal(signal.SIGINT)", 130,
     )  # fmt: skip
     yield case(
         "a sink that fails", "acme_arm", taking,

@@ -68,9 +68,7 @@ def test_what_a_page_says_works(
     assert done >= 8
 
 
-def carry_out(
-    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> int:
+def carry_out(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> int:
     """Carry out one command and return how many commands of imitor that were."""
     if words[0] == "make":
         assert re.search(f"^{words[1]}:", (ROOT / "Makefile").read_text(), re.M)
@@ -117,7 +115,9 @@ def cited() -> Iterator[tuple[str, Path]]:
                             ("benchmarks", (".py",)), ("tests", (".py",))):  # fmt: skip
         files += [p for p in (ROOT / folder).rglob("*") if p.suffix in endings]
     for path in files:
-        for group in re.findall(r"\[([a-z]+\d{4}[a-z]?(?:, [a-z]+\d{4}[a-z]?)*)\]", path.read_text(encoding="utf-8")):
+        for group in re.findall(
+            r"\[([a-z]+\d{4}[a-z]?(?:, [a-z]+\d{4}[a-z]?)*)\]", path.read_text(encoding="utf-8")
+        ):
             yield from ((key, path) for key in group.split(", "))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import hypot
+from math import hypot, inf
 from typing import Any, Literal
 
 import numpy as np
@@ -25,6 +25,15 @@ class SegmentScalingConfig(Config):
         "position",
         description="What the foot task holds of a foot in the air: position, its scaled place; ground, only its "
         "height, and level near the floor, so that the leg's directions place it.",
+    )
+    replace_m: float | None = Field(
+        None,
+        gt=0,
+        description="In double support, step a foot that is further off the scaled body's than this, because the "
+        "human slid or turned on the spot; none: both feet keep their places [m].",
+    )
+    replace_rad: float = Field(
+        0.5, gt=0, description="The same for the heading of a foot, where replace_m is given [rad]."
     )
     roll: bool = Field(
         False,
@@ -77,7 +86,12 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._cross3 = cross3
         self._body = ScaledBody(robot, self.skeleton)
         self._settings = FootSettings(
-            config.flat_below_m, config.free_above_m, config.blend_s, config.roll
+            flat_below_m=config.flat_below_m,
+            free_above_m=config.free_above_m,
+            blend_s=config.blend_s,
+            replace_m=inf if config.replace_m is None else config.replace_m,
+            replace_rad=inf if config.replace_m is None else config.replace_rad,
+            roll=config.roll,
         )
         self._footing = Footing(robot, self.skeleton, self._settings, self.dt_s)
         self._ground_only = config.free_foot == "ground"

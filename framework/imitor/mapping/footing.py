@@ -9,7 +9,7 @@ flat before it lands, about whatever heading the leg gives it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import asin, atan2, cos, exp, hypot, sin, sqrt
+from math import asin, atan2, cos, exp, hypot, inf, pi, sin, sqrt
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,11 @@ from imitor.robot.model import RobotModel
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton, Support
 
 _FLIGHT: Final = -1
+_NONE: Final = -1
+_STEP_M: Final = 0.02
+_STEP_S: Final = 0.5
+_ARRIVED_M: Final = 0.02
+"""A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, and how near is there."""
 LEVEL_RAD: Final = 0.06
 """A rolling foot tilted less than this is flat [rad]: noise must not rock the robot."""
 ROLL_RAD: Final = 0.9
@@ -40,12 +45,16 @@ class FootSettings:
         flat_below_m: A free foot whose heel and toes are lower than this is flat; at twice this it follows the human.
         free_above_m: Above this clearance the foot's height is the scaled body's, below it the clearance's.
         blend_s: Time constant with which a foot's offset at lift-off from the scaled body fades [s].
+        replace_m, replace_rad: How far the human's foot may creep and turn in contact, in double support, before the
+            robot steps its foot after it; ``inf`` for never.
         roll: Whether a standing foot rolls over the front or rear edge of its sole with the human's, or stays flat.
     """
 
     flat_below_m: float
     free_above_m: float
     blend_s: float
+    replace_m: float = inf
+    replace_rad: float = inf
     roll: bool = False
 
 
@@ -76,6 +85,8 @@ class Foot:
         self._flat: Array = np.eye(4)
         self.turn: Array = np.eye(3)
         self.offset: Array = np.zeros(3)
+        self._landed_at = (0.0, 0.0, 0.0)
+        self._at = (0.0, 0.0)
         self.clearance = 0.0
         self.highest = 0.0
 
@@ -85,6 +96,7 @@ class Foot:
         if not valid[self._ankle]:
             return
         ax, ay, az = frame.position[self._ankle].tolist()
+        self._at = (ax, ay)
         heel = toe = az - self._ankle_height
         if self._has_toe and valid[self._toe]:
             tx, ty, tz = frame.position[self._toe].tolist()
@@ -121,6 +133,16 @@ class Foot:
         self._flat[:2, 3] = (robot_pose[:3, 3] + (robot_pose[:3, :3] - heading) @ edge)[:2]
         self._flat[2, 3] = 0.0
         self.pose[:] = self._flat
+        self._landed_at = (*self._at, self._heading())
+
+    def crept(self, distance: float, angle: float) -> bool:
+        """Tell whether the human's foot has moved [m] or turned [rad] further than this since it landed."""
+        x, y, heading = self._landed_at
+        turn = (self._heading() - heading + pi) % (2 * pi) - pi
+        return hypot(self._at[0] - x, self._at[1] - y) > distance or abs(turn) > angle
+
+    def _heading(self) -> float:
+        return atan2(float(self.turn[1, 0]), float(self.turn[0, 0]))
 
     def roll(self) -> None:
         """Turn the standing sole about its front edge with the human's rising heel, about its rear edge with the toes."""
@@ -139,8 +161,7 @@ class Foot:
         far as the human's, the lower one of both soles clears the floor.
         """
         follow = 1.0 if settings.roll else self.freedom(settings)
-        heading = atan2(float(self.turn[1, 0]), float(self.turn[0, 0]))
-        self.pose[:3, :3] = _between(_yaw(heading), self.turn, follow)
+        self.pose[:3, :3] = _between(_yaw(self._heading()), self.turn, follow)
         R = self.pose[:3, :3]
         sole = ankle + self.offset - R @ self._sole_to_ankle
         deepest = min(float((self._corners @ R[2]).min()), float((self._corners @ robot_turn[2]).min()))
@@ -196,6 +217,7 @@ class Footing:
 
     def __init__(self, robot: RobotModel, skeleton: Skeleton, settings: FootSettings, dt_s: float) -> None:
         self._robot, self._settings = robot, settings
+        self._dt_s = dt_s
         self._fade = exp(-dt_s / settings.blend_s) if settings.blend_s > 0 else 0.0
         self.feet = [Foot(side, robot, skeleton) for side in SIDES]
         self.reset()
@@ -203,6 +225,7 @@ class Footing:
     def reset(self) -> None:
         """Forget where the feet stood."""
         self._started = False
+        self._stepping, self._step_left = _NONE, 0.0
         self.contact = [True, True]
         self.anchor = 0
         self.mid_hip: Array = np.zeros(3)
@@ -235,6 +258,10 @@ class Footing:
         wanted = [support.left, support.right]
         if not self._started:
             self._start(wanted, ankles, human, ratio)
+        if support.double:
+            self._replace(wanted, ankles)
+        else:
+            self._stepping = _NONE
         landed = [w and not c for w, c in zip(wanted, self.contact, strict=True)]
         lifted = [c and not w for w, c in zip(wanted, self.contact, strict=True)]
         for i, foot in enumerate(self.feet):
@@ -270,6 +297,33 @@ class Footing:
         lowest = min(float(ankles[i][2] - foot.ankle_of(np.eye(4))[2]) for i, foot in enumerate(self.feet))
         self.mid_hip[2] = -lowest + ratio * min(f.clearance for f in self.feet)
         self.anchor = _FLIGHT
+
+    def _replace(self, wanted: list[bool], ankles: Array) -> None:
+        """In double support, step a foot whose human foot has crept or turned from where it landed.
+
+        The human may slide, the robot's feet do not: the foot that does not anchor the robot is lifted (``wanted`` is
+        changed) until it is where the scaled body has it, or for `_STEP_S`.
+        """
+        settings = self._settings
+        if self.anchor == _FLIGHT or settings.replace_m == inf:
+            return
+        moved = [f.crept(settings.replace_m, settings.replace_rad) for f in self.feet]
+        other = 1 - self.anchor
+        if self._stepping == _NONE and moved[self.anchor] and self.contact[other] and not moved[other]:
+            self.anchor, other = other, self.anchor
+        if self._stepping == _NONE and not (moved[other] and self.contact[other]):
+            return
+        if self._stepping == _NONE:
+            self._stepping, self._step_left = other, _STEP_S
+        foot = self.feet[self._stepping]
+        wish = self._stand_ankle(self.anchor) - ankles[self.anchor] + ankles[self._stepping]
+        here = foot.ankle_of(self._robot.pose(foot.role))
+        self._step_left -= self._dt_s
+        if self._step_left <= 0.0 or hypot(float(wish[0] - here[0]), float(wish[1] - here[1])) < _ARRIVED_M:
+            self._stepping = _NONE
+            return
+        foot.clearance = max(foot.clearance, _STEP_M)
+        wanted[self._stepping] = False
 
     def _choose_anchor(self) -> None:
         if self.anchor != _FLIGHT and self.contact[self.anchor]:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from imitor.testing.expect import AnyComponent, Snapshot, expect, is_rotation, short, title
+from imitor.testing.expect import AnyComponent, Snapshot, expect, fail, is_rotation, short
 from imitor.types import N_ROLES, ROLES, HumanFrame, Skeleton, Support
 
 ARRAYS = ("position", "valid", "orientation", "marker", "marker_valid", "target", "target_valid", "com")
@@ -66,12 +66,8 @@ def check_frame(cls: AnyComponent, frame: HumanFrame, skeleton: Skeleton, which:
         expect(valid is not None and valid.shape == (n,), cls, f"{which}: target_valid does not fit target")
         if valid is not None:
             expect(is_rotation(frame.target[valid][:, :3, :3]), cls, f"{which}: a valid target is no pose")
-    if frame.com is not None:
-        expect(
-            frame.com.shape == (3,) and np.isfinite(frame.com).all(),
-            cls,
-            f"{which}: com is {short(np.asarray(frame.com))}, not three finite numbers",
-        )
+    if frame.com is not None and not (frame.com.shape == (3,) and np.isfinite(frame.com).all()):
+        fail(cls, f"{which}: com is {short(np.asarray(frame.com))}, not three finite numbers")
     if frame.support is not None:
         expect(isinstance(frame.support, Support), cls, f"{which}: support is no Support")
 
@@ -83,7 +79,7 @@ def _points(
     expect(points.shape == (n, 3), cls, f"{which}: {name} has shape {points.shape}, not {(n, 3)}")
     expect(points.dtype == np.float64, cls, f"{which}: {name} is of type {points.dtype}, not float64")
     if valid is None:
-        raise AssertionError(f"{title(cls)}: {which}: {name} without {flag}")
+        fail(cls, f"{which}: {name} without {flag}")
     fits = valid.shape == (n,) and valid.dtype == np.bool_
     expect(fits, cls, f"{which}: {flag} is {valid.dtype} of shape {valid.shape}, not bool of {(n,)}")
     expect(

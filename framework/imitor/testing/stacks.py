@@ -9,7 +9,7 @@ import numpy as np
 
 from imitor.kinds import Component
 from imitor.tasks import Task, TaskKind, TaskStack
-from imitor.testing.expect import AnyComponent, Snapshot, expect, is_rotation, short
+from imitor.testing.expect import AnyComponent, Snapshot, expect, fail, is_rotation, short
 from imitor.types import SEGMENTS, Array
 
 if TYPE_CHECKING:
@@ -144,7 +144,8 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
     """Check that all targets are finite, and those of active tasks what their kind says."""
     for task in stack:
         target, name = task.target, f"{which}: task '{task.name}'"
-        expect(np.isfinite(target).all(), cls, f"{name} has the target {short(target)}")
+        if not np.isfinite(target).all():
+            fail(cls, f"{name} has the target {short(target)}")
         expect(np.isfinite(task.gain[0]) and task.gain[0] >= 0, cls, f"{name} has the gain {task.gain[0]}")
         if not task.active[0]:
             continue
@@ -152,11 +153,8 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
             length = float(np.linalg.norm(target))
             expect(abs(length - 1) < 1e-6, cls, f"{name} has a direction of length {length:.6g}, not 1")
         elif task.kind in (K.ORIENTATION, K.POSE):
-            expect(
-                is_rotation(target[:3, :3]),
-                cls,
-                f"{name}: the rotation of its target is none: {short(target)}",
-            )
+            if not is_rotation(target[:3, :3]):
+                fail(cls, f"{name}: the rotation of its target is none: {short(target)}")
         if task.kind is K.POSE:
             expect(
                 (target[3] == (0, 0, 0, 1)).all(), cls, f"{name}: the last row of its target is {target[3]}"
@@ -167,8 +165,8 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
         f"{which}: the anchor '{stack.anchor}' is no frame of the robot",
     )
     pose = stack.anchor_pose
-    sound = not stack.anchor or (is_rotation(pose[:3, :3]) and np.isfinite(pose).all())
-    expect(sound, cls, f"{which}: the anchor's pose is none: {short(pose)}")
+    if stack.anchor and not (is_rotation(pose[:3, :3]) and np.isfinite(pose).all()):
+        fail(cls, f"{which}: the anchor's pose is none: {short(pose)}")
     contact = np.asarray(stack.contact)
     expect(
         contact.shape == (2,) and contact.dtype == np.bool_,
