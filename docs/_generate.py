@@ -179,9 +179,8 @@ def broken_part(registry: Registry, _: str) -> str:
         for case in (c for c in CASES if c.group == group):
             said = []
             for line in case.said.splitlines():
-                if re.match(r" *\d* \| ", line):
-                    line = line.partition("^")[2]  # of the source line and the caret, only the suggestion
-                said.append(code(line))
+                quoted = re.match(r" *\d* \| ", line)  # of the source line and the caret, only the suggestion
+                said.append(code(line.partition("^")[2] if quoted else line))
             rows.append(
                 (cell(case.wrong), code(case.command), "<br>".join(filter(None, said)), str(case.status))
             )
@@ -198,10 +197,8 @@ def references_part(registry: Registry, _: str) -> str:
 def references() -> dict[str, str]:
     """Return every entry of ``references.bib``: key -> text."""
     out = {}
-    for entry in re.findall(
-        r"^@\w+\{(\w+),\n(.*?)^\}", (DOCS / "references.bib").read_text(encoding="utf-8"), re.M | re.S
-    ):
-        key, body = entry
+    text = (DOCS / "references.bib").read_text(encoding="utf-8")
+    for key, body in re.findall(r"^@\w+\{(\w+),\n(.*?)^\}", text, re.M | re.S):
         fields = {n: re.sub(r"\s+", " ", v.replace("{", "").replace("}", "")).strip()
                   for n, v in re.findall(r"(\w+) *= \{(.*?)\},\n", body, re.S)}  # fmt: skip
         place = (
@@ -272,12 +269,13 @@ def cli_page(registry: Registry) -> str:
 
 def _command(command: argparse.ArgumentParser, level: str) -> Iterator[str]:
     yield f"{level} `{command.prog}`\n\n{command.description or ''}\n"
-    rows, inner = [], []
+    rows: list[tuple[str, str]] = []
+    inner: list[argparse.ArgumentParser] = []
     for action in command._actions:
         if isinstance(action, argparse._SubParsersAction):
             inner += list(dict.fromkeys(action.choices.values()))
         elif not isinstance(action, argparse._HelpAction):
-            names = " ".join([*action.option_strings[-1:], action.metavar or ""]).strip()
+            names = " ".join([*action.option_strings[-1:], str(action.metavar or "")]).strip()
             rows.append((code(names or action.dest), cell(action.help or "")))
     if rows:
         yield table(("argument", "meaning"), rows)
