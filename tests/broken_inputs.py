@@ -387,10 +387,10 @@ def _running() -> Iterator[Case]:
     late = "  - postprocessor: {}\nsinks:"
     taking = "sinks:\n  - {{use: {}}}"
 
-    def filter_case(wrong: str, name: str, said: str, deed: str, status: int = 1) -> Case:
+    def filter_case(wrong: str, name: str, said: str, deed: str, status: int = 1, first: str = "") -> Case:
         files = plugin(name, _COMPONENT.format(name=name, deed=deed, **filtering))
         files["p.yaml"] = PIPELINE.replace("human_com", name)
-        return Case("While running", wrong, RUN, said, status, files, kept=2)
+        return Case("While running", wrong, RUN, said, status, files, first, kept=2)
 
     yield filter_case(
         "a filter that gives up", "acme_lost",
@@ -406,6 +406,7 @@ def _running() -> Iterator[Case]:
     yield filter_case(
         "Ctrl-C", "acme_stop", "interrupted: interrupted after 2 frames",
         "signal.raise_signal(signal.SIGINT)", 130,
+        "import signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it\n",
     )  # fmt: skip
     yield case(
         "a sink that fails", "acme_arm", taking,

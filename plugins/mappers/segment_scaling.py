@@ -23,8 +23,8 @@ class SegmentScalingConfig(Config):
     )
     free_foot: Literal["position", "ground"] = Field(
         "position",
-        description="What the foot task holds of a foot in the air: position, its scaled place; ground, only its "
-        "height, and level near the floor, so that the leg's directions place it.",
+        description="What is tracked of the ankle of a foot in the air: position, its scaled place; ground, only its "
+        "height, so that the leg's directions place it.",
     )
     replace_m: float | None = Field(
         None,
@@ -56,9 +56,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
     """Each segment keeps the human's direction and takes the robot's length [pennapoubel2014] eq. 1, P1 to P6.
 
     Works from the points of each single frame; no calibration of the actor. Declares the directions of the nine main
-    segments, positions of hands and head, poses of both feet, orientations of waist and chest, the CoM and the
-    standing posture. A foot that stands keeps all six coordinates; near the ground its heading is free, higher up
-    its whole turn. Where a free foot would like to point are the tasks `left_sole` and `right_sole`.
+    segments, positions of hands and head, orientations of waist and chest, the CoM and the standing posture. Of a foot
+    that stands, the pose (`left_foot`); of a free one, the ankle's position (`left_ankle`), as in table I of the
+    paper, and where it would like to point (`left_sole`).
     """
 
     name = "segment_scaling"
@@ -67,6 +67,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         **dict.fromkeys(SEGMENTS, TaskKind.DIRECTION),
         "left_foot": TaskKind.POSE,
         "right_foot": TaskKind.POSE,
+        "left_ankle": TaskKind.POSITION,
+        "right_ankle": TaskKind.POSITION,
         "left_sole": TaskKind.ORIENTATION,
         "right_sole": TaskKind.ORIENTATION,
         "waist": TaskKind.ORIENTATION,
@@ -101,6 +103,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             for name, (proximal, distal) in SEGMENTS.items()
         ]
         self._feet = [stack.declare(f"{side}_foot", TaskKind.POSE, frame=f"{side}_foot") for side in SIDES]
+        self._free = [stack.declare(f"{side}_ankle", TaskKind.POSITION, frame=f"{side}_ankle") for side in SIDES]
         self._soles = [
             stack.declare(f"{side}_sole", TaskKind.ORIENTATION, frame=f"{side}_foot") for side in SIDES
         ]
@@ -141,16 +144,13 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
         flight = footing.anchor < 0  # then the feet are all that places the robot
-        for task, sole, foot, stands in zip(
-            self._feet, self._soles, footing.feet, footing.contact, strict=True
-        ):
+        for i, foot in enumerate(footing.feet):
+            stands, task, free, sole = footing.contact[i], self._feet[i], self._free[i], self._soles[i]
+            task.active[0], free.active[0], sole.active[0] = stands, not stands, not stands
             task.target[:] = foot.pose
-            level = stands or foot.freedom(self._settings) < 1.0
-            task.mask[:2] = stands or flight or not self._ground_only
-            task.mask[3:5], task.mask[5] = level, stands
-            task.active[0] = True
-            sole.active[0] = not stands
             sole.target[:] = foot.pose[:3, :3]
+            free.target[:] = foot.ankle
+            free.mask[:2] = flight or not self._ground_only
         stack.anchor = ""
         if config.anchor and footing.anchor >= 0:
             held = footing.feet[footing.anchor]

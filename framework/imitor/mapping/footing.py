@@ -63,6 +63,7 @@ class Foot:
 
     Attributes:
         pose: Target of the sole, world from sole, shape (4, 4).
+        ankle: Target of the ankle of a free foot, shape (3,) [m].
         turn: The human's foot, world from sole, shape (3, 3): where a free foot would like to point.
         offset: What the foot is off the scaled body, shape (3,) [m]; fades after lift-off.
         clearance: Lowest point of the human's foot over the floor [m].
@@ -83,6 +84,7 @@ class Foot:
         self._edges = (np.array([x.min(), 0.0, 0.0]), np.array([x.max(), 0.0, 0.0]))  # heel, front
         self.pose: Array = np.eye(4)
         self._flat: Array = np.eye(4)
+        self.ankle: Array = np.zeros(3)
         self.turn: Array = np.eye(3)
         self.offset: Array = np.zeros(3)
         self._landed_at = (0.0, 0.0, 0.0)
@@ -158,16 +160,20 @@ class Foot:
         """Follow the scaled body's ankle, shape (3,) [m], over the ground.
 
         ``robot_turn`` is how the robot's sole is turned now, world from sole: where its ankle cannot turn the sole as
-        far as the human's, the lower one of both soles clears the floor.
+        far as the human's, the sole that is there clears the floor.
         """
         follow = 1.0 if settings.roll else self.freedom(settings)
         self.pose[:3, :3] = _between(_yaw(self._heading()), self.turn, follow)
-        R = self.pose[:3, :3]
-        sole = ankle + self.offset - R @ self._sole_to_ankle
-        deepest = min(float((self._corners @ R[2]).min()), float((self._corners @ robot_turn[2]).min()))
+        self.ankle[:] = ankle + self.offset
         w = smoothstep(self.clearance / settings.free_above_m)
-        height = w * float(sole[2]) + (1 - w) * (ratio * self.clearance - deepest)
-        self.pose[:2, 3], self.pose[2, 3] = sole[:2], max(height, -deepest)
+        over_ground = ratio * self.clearance + self._ankle_over_lowest(self.pose[:3, :3])
+        height = w * float(self.ankle[2]) + (1 - w) * over_ground
+        self.ankle[2] = max(height, self._ankle_over_lowest(robot_turn))
+        self.pose[:3, 3] = self.ankle - self.pose[:3, :3] @ self._sole_to_ankle
+
+    def _ankle_over_lowest(self, R: Array) -> float:
+        """Return how high the ankle is over the lowest corner of a sole turned by R [m]."""
+        return float(R[2] @ self._sole_to_ankle) - float((self._corners @ R[2]).min())
 
     def freedom(self, settings: FootSettings) -> float:
         """Return 0 for a foot that must be flat, 1 for one that turns as the human's, and between near the ground."""
