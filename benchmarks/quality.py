@@ -36,10 +36,18 @@ COLUMNS = (
 
 
 def measure(
-    registry: Registry, pipeline: str, recording: Path, robot: str, solver: str, sets: Sequence[str], collision: bool
+    registry: Registry,
+    pipeline: str,
+    recording: Path,
+    robot: str,
+    solver: str,
+    sets: Sequence[str],
+    collision: bool,
 ) -> dict[str, Any]:
     """Run one recording on one robot and return its metrics."""
-    spec = load_pipeline(pipeline, registry, robot=robot, input=recording, uses=[f"solve={solver}"], sets=sets)
+    spec = load_pipeline(
+        pipeline, registry, robot=robot, input=recording, uses=[f"solve={solver}"], sets=sets
+    )
     built = Pipeline(spec, registry)
     recorder = Recorder(
         RunInfo(Path(), built.robot, built.skeleton, built.rate_hz, built.stack, built.n_frames)
@@ -54,7 +62,9 @@ def measure(
 
 def main() -> None:
     """Run all combinations and print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("recordings", nargs="+", type=Path)
     parser.add_argument("--pipeline", default="retarget")
     parser.add_argument("--robot", action="append", dest="robots")
@@ -73,7 +83,9 @@ def main() -> None:
             for recording in args.recordings:
                 found = measure(registry, args.pipeline, recording, robot, solver, args.sets, args.collision)
                 figures = found["figures"]
-                values = [value_of(figures, key, statistic) * factor for _, key, statistic, factor, _ in COLUMNS]
+                values = [
+                    value_of(figures, key, statistic) * factor for _, key, statistic, factor, _ in COLUMNS
+                ]
                 rows.append(values)
                 cells = [form.format(v) for v, (*_, form) in zip(values, COLUMNS, strict=True)]
                 print(f"| {recording.name} | {found['frames']} | " + " | ".join(cells) + " |", flush=True)

@@ -65,6 +65,7 @@ def ask(code: str, *folders: Path, **environment: str) -> str:
     return done.stdout.strip()
 
 
+SHOW = "from imitor.registry import Registry; print(Registry(without=['{}']).get('filter', 'human_com'))"
 NAMES = "from imitor.registry import Registry; r = Registry(); print(r.names('filter'), [f.plugin for f in r.failures])"
 
 
@@ -151,10 +152,9 @@ def test_two_with_one_name_are_refused_and_one_can_be_blocked(tmp_path: Path) ->
     )
     command = "from imitor.cli import main; raise SystemExit(main(['show', 'human_com'{}]))"
     for blocked in ("acme", "acme_com"):
-        code = f"from imitor.registry import Registry; print(Registry(without=['{blocked}']).get('filter', 'human_com'))"
+        code = SHOW.format(blocked)
         assert "imitor.plugins.filters.human_com" in ask(code, folder)
-    code = "from imitor.registry import Registry; print(Registry(without=['human_com']).get('filter', 'human_com'))"
-    assert "acme_com" in ask(code, folder)
+    assert "acme_com" in ask(SHOW.format("human_com"), folder)
     assert "acme_com" in ask(command.format(", '--without', 'human_com'"), folder)
 
 
@@ -268,5 +268,5 @@ def test_a_registered_namespace_needs_no_hooks() -> None:
 
 def test_the_registry_imports_nothing_heavy() -> None:
     heavy = ("pinocchio", "placo", "mujoco", "fcl", "rerun", "scipy", "trimesh", "PIL", "rich")
-    code = f"import sys\nfrom imitor.registry import Registry\nRegistry()\nprint([h for h in {heavy} if h in sys.modules])"
-    assert ask(code) == "[]"
+    code = "import sys\nfrom imitor.registry import Registry\nRegistry()\n"
+    assert ask(f"{code}print([h for h in {heavy} if h in sys.modules])") == "[]"
