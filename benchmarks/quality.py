@@ -14,8 +14,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import imitor  # noqa: F401  (sets one BLAS thread before numpy is imported)
 import numpy as np
+
+import imitor  # noqa: F401  (sets one BLAS thread before numpy is imported)
 from imitor import metrics
 from imitor.kinds import RunInfo
 from imitor.pipeline import Pipeline

@@ -277,7 +277,7 @@ def _cards() -> Iterator[Case]:
     )  # fmt: skip
     yield case(
         "limits that leave nothing", "standing:", "limits: {position_rad: {head_1_joint: [1.0, 0.5]}}\nstanding:",
-        "robot 'mine': no range left between lower and upper limit of head_1_joint",
+        "robot 'mine': no range left between lower and upper limit of head_1_joint; correct limits.position_rad",
     )  # fmt: skip
 
 
@@ -365,7 +365,7 @@ def _plugins() -> Iterator[Case]:
     )  # fmt: skip
     yield case(
         "a plugin without a name", "acme_anonymous", mine(""),
-        "  acme_anonymous  acme_anonymous  PluginError: acme_anonymous.Mine has no `name`; give it one",
+        "  acme_anonymous  acme_anonymous  acme_anonymous.Mine has no `name`; give it one",
         "list filter", 0,
     )  # fmt: skip
     yield case(
@@ -394,12 +394,12 @@ def _running() -> Iterator[Case]:
 
     yield filter_case(
         "a filter that gives up", "acme_lost",
-        "failed: frame 2 (t=0.017 s), stages[1] acme_lost: no glove in sight. The frames before are kept.",
+        "failed: frame 2 (t=0.017 s), stages[1] acme_lost: ValueError: no glove in sight. The frames before are kept.",
         "raise ValueError('no glove in sight')",
     )  # fmt: skip
     yield filter_case(
         "a filter that writes into its input", "acme_writes",
-        "failed: frame 2 (t=0.017 s), stages[1] acme_writes: assignment destination is read-only. "
+        "failed: frame 2 (t=0.017 s), stages[1] acme_writes: ValueError: assignment destination is read-only. "
         "The frames before are kept.",
         "frame.position[0] = 0.0",
     )  # fmt: skip
@@ -410,7 +410,7 @@ def _running() -> Iterator[Case]:
     )  # fmt: skip
     yield case(
         "a sink that fails", "acme_arm", taking,
-        "failed: frame 2 (t=0.017 s), sinks[0] acme_arm: cannot write: the cable is out. The frames before are kept.",
+        "failed: frame 2 (t=0.017 s), sinks[0] acme_arm: the cable is out. The frames before are kept.",
         deed="raise OSError(5, 'the cable is out')", kept=3,
         base="Sink", method="write(self, record)", rest="pass",
     )  # fmt: skip
@@ -440,9 +440,9 @@ def _running() -> Iterator[Case]:
     )  # fmt: skip
     yield Case(
         "While running", "no display for a window", f"{RUN} --view --without mujoco",
-        "sink 'rerun': there is no display here for the viewer; "
+        "sinks[1] rerun: there is no display here for the viewer; "
         "run without --view and open the .rrd file elsewhere",
-        1, {"p.yaml": PIPELINE}, "import os\nos.environ.pop('DISPLAY', 0)\nos.environ.pop('WAYLAND_DISPLAY', 0)\n",
+        2, {"p.yaml": PIPELINE}, "import os\nos.environ.pop('DISPLAY', 0)\nos.environ.pop('WAYLAND_DISPLAY', 0)\n",
     )  # fmt: skip
 
 

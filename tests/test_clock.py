@@ -42,7 +42,7 @@ def test_instants_and_points_are_exact(n: int, source_hz: float, rate_hz: float,
         assert frame.time_s == pytest.approx(start_s + k / rate_hz, abs=1e-9)
         if frame.time_s <= start_s + (n - 1) / source_hz:
             np.testing.assert_allclose(frame.position, VELOCITY * frame.time_s, atol=1e-6)
-            assert frame.com is not None
+            assert frame.com is not None and frame.marker is not None
             np.testing.assert_allclose(frame.com, VELOCITY[0] * frame.time_s, atol=1e-6)
             np.testing.assert_allclose(frame.marker, VELOCITY[:4] * frame.time_s, atol=1e-6)
 
@@ -53,7 +53,9 @@ def test_instants_and_points_are_exact(n: int, source_hz: float, rate_hz: float,
 )  # fmt: skip
 @settings(max_examples=200, deadline=None)
 def test_there_are_as_many_as_the_recording_is_long(n: int, source_hz: float, rate_hz: float) -> None:
-    assert len(list(at_rate(linear(n, source_hz), source_hz, rate_hz))) == expected_count(n, source_hz, rate_hz)
+    assert len(list(at_rate(linear(n, source_hz), source_hz, rate_hz))) == expected_count(
+        n, source_hz, rate_hz
+    )
 
 
 def test_the_same_rate_passes_the_frames_on() -> None:

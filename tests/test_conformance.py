@@ -123,7 +123,10 @@ def test_mappers_on_other_robots(mapper: str, robot: str) -> None:
 
 
 def test_frames_are_read_only_and_repeatable() -> None:
-    frames, again = testing.make_frames("walk", 40, loss=0.2, seed=1), testing.make_frames("walk", 40, loss=0.2, seed=1)
+    frames, again = (
+        testing.make_frames("walk", 40, loss=0.2, seed=1),
+        testing.make_frames("walk", 40, loss=0.2, seed=1),
+    )
     assert len(frames) == 40
     assert frames[0].valid.all()
     assert not all(f.valid.all() for f in frames)
@@ -325,10 +328,15 @@ class Point(Mapper[Config]):
     """Point a forearm as the human does."""
 
     name = "point"
-    declares: ClassVar[Mapping[str, TaskKind]] = {"left_forearm": TaskKind.DIRECTION, "waist": TaskKind.ORIENTATION}
+    declares: ClassVar[Mapping[str, TaskKind]] = {
+        "left_forearm": TaskKind.DIRECTION,
+        "waist": TaskKind.ORIENTATION,
+    }
 
     def declare(self, stack: TaskStack) -> None:
-        self.arm = stack.declare("left_forearm", TaskKind.DIRECTION, frame="left_wrist", relative_to="left_elbow")
+        self.arm = stack.declare(
+            "left_forearm", TaskKind.DIRECTION, frame="left_wrist", relative_to="left_elbow"
+        )
         self.waist = stack.declare("waist", TaskKind.ORIENTATION, frame="waist")
 
     def reset(self) -> None:
@@ -350,7 +358,10 @@ class UndeclaredMapper(Point):
 class OtherKindMapper(Point):
     """Fault."""
 
-    declares: ClassVar[Mapping[str, TaskKind]] = {"left_forearm": TaskKind.POSE, "waist": TaskKind.ORIENTATION}
+    declares: ClassVar[Mapping[str, TaskKind]] = {
+        "left_forearm": TaskKind.POSE,
+        "waist": TaskKind.ORIENTATION,
+    }
 
 
 class LongMapper(Point):
@@ -647,7 +658,7 @@ FAULTS: list[tuple[Any, str]] = [
     (RememberingFilter, "run again after reset(): position of frame 0"),
     (RandomFilter, "randomness needs a seed"),
     (InventingFilter, "has a place though valid denies it"),
-    (LateFilter, "it changed the time"),
+    (LateFilter, "(delay_frames is 0)"),
     (CloseOnceFilter, "close() after close() failed: IndexError"),
     (UndeclaredMapper, "it declares the task 'waist', which `declares` does not name"),
     (OtherKindMapper, "it declares 'left_forearm' as direction, but `declares` says pose"),
@@ -789,7 +800,9 @@ def test_faulty_options_are_seen(options: Any, said: str) -> None:
 def test_options_without_default_are_named() -> None:
     needy = with_options(Ordered)
     testing.check_config(needy)
-    with pytest.raises(AssertionError, match=r"filter 'faulty': its options order have no default; give a config"):
+    with pytest.raises(
+        AssertionError, match=r"filter 'faulty': its options order have no default; give a config"
+    ):
         testing.check_component(needy)
 
 

@@ -176,7 +176,9 @@ def test_a_free_base_is_slowed_with_the_joints(plain: RobotModel) -> None:
     state = Configuration(robot.standing.copy(), np.ones(2, dtype=bool))
     guard.apply(stack, state)
     state.q[0] += 1.0
-    state.q[7 + robot.joint_index("left_knee_joint")] += 2 * robot.speed[robot.joint_index("left_knee_joint")] * DT
+    state.q[7 + robot.joint_index("left_knee_joint")] += (
+        2 * robot.speed[robot.joint_index("left_knee_joint")] * DT
+    )
     robot.update(state.q)
     guard.apply(stack, state)
     assert state.q[0] == pytest.approx(0.5)

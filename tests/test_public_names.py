@@ -41,7 +41,18 @@ def test_what_a_plugin_author_needs_is_public() -> None:
 
 
 def test_importing_the_package_is_cheap() -> None:
-    heavy = ("pinocchio", "placo", "mujoco", "fcl", "rerun", "scipy", "trimesh", "PIL", "rich", "imitor.robot.model")
+    heavy = (
+        "pinocchio",
+        "placo",
+        "mujoco",
+        "fcl",
+        "rerun",
+        "scipy",
+        "trimesh",
+        "PIL",
+        "rich",
+        "imitor.robot.model",
+    )
     code = f"import sys, imitor\nprint([h for h in {heavy} if h in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
@@ -52,7 +63,9 @@ def test_the_package_keeps_blas_to_one_thread() -> None:
     import os
 
     environment = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment
+    )
     assert done.stdout.split() == ["1", "1"]
 
 
@@ -79,7 +92,9 @@ def test_the_framework_knows_no_plugin() -> None:
             continue
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):
-                assert not (node.module or "").startswith("imitor.plugins."), f"{relative} imports {node.module}"
+                assert not (node.module or "").startswith("imitor.plugins."), (
+                    f"{relative} imports {node.module}"
+                )
             if isinstance(node, ast.Import):
                 assert not any(a.name.startswith("imitor.plugins.") for a in node.names), str(relative)
 

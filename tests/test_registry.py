@@ -85,7 +85,12 @@ def test_every_kind_of_ours_is_found_without_a_list() -> None:
     assert registry.failures == []
     assert registry.names("solver") == sorted(registry.names("solver"))
     root = Path(__file__).parents[1] / "plugins"
-    for kind, folder in (("source", "sources"), ("filter", "filters"), ("mapper", "mappers"), ("solver", "solvers")):
+    for kind, folder in (
+        ("source", "sources"),
+        ("filter", "filters"),
+        ("mapper", "mappers"),
+        ("solver", "solvers"),
+    ):
         modules = [p.stem for p in (root / folder).glob("[!_]*.py")]
         origins = {r.origin.rsplit(".", 1)[1] for r in registry if r.kind == kind}
         assert origins == set(modules)
@@ -127,9 +132,16 @@ def test_the_list_command_goes_on_too(acme: Path) -> None:
 
 @pytest.mark.parametrize(
     ("allowed", "found", "failed"),
-    [("acme_good", True, []), ("", False, []), ("acme_bad, acme_good", True, ["acme_bad"]), ("other", False, [])],
+    [
+        ("acme_good", True, []),
+        ("", False, []),
+        ("acme_bad, acme_good", True, ["acme_bad"]),
+        ("other", False, []),
+    ],
 )
-def test_the_environment_limits_installed_plugins(acme: Path, allowed: str, found: bool, failed: list[str]) -> None:
+def test_the_environment_limits_installed_plugins(
+    acme: Path, allowed: str, found: bool, failed: list[str]
+) -> None:
     text = ask(NAMES, acme, IMITOR_PLUGINS=allowed)
     assert ("acme_good" in text) is found
     assert text.endswith(str(failed))
@@ -170,14 +182,18 @@ def test_a_plugin_of_ours_can_be_left_out() -> None:
 def test_an_unknown_name_has_a_suggestion() -> None:
     with pytest.raises(PluginLoadError) as caught:
         Registry(entry_points=False).get("filter", "humancom")
-    assert str(caught.value) == "no filter is called 'humancom'; did you mean 'human_com'? (imitor list filter)"
+    assert (
+        str(caught.value) == "no filter is called 'humancom'; did you mean 'human_com'? (imitor list filter)"
+    )
 
 
 def test_a_component_added_by_hand() -> None:
     registry = Registry(entry_points=False)
     registry.add(Keep, "here")
     assert registry.get("filter", "keep") is Keep
-    with pytest.raises(DuplicateComponent, match=r"registered twice: here and there. Block one: --without there"):
+    with pytest.raises(
+        DuplicateComponent, match=r"registered twice: here and there. Block one: --without there"
+    ):
         registry.add(Keep, "there")
 
 

@@ -143,7 +143,7 @@ def test_set(registry: Registry) -> None:
         ("fst.damping=1", "no stage is called 'fst'; did you mean 'fast'?"),
         (
             "gain=3",
-            "'gain' is no key to set; of a stage: ID.option=value; known: rate_hz, robot, seed, settle_s",
+            "'gain' is no key to set; of a stage: ID.option=value; known: rate_hz, robot, seed, settle_s, speed",
         ),
         ("rate_hz=0", "rate_hz: input should be greater than 0, got 0"),
         ("fast.order.7=[com]", "'7' is no index; the list has 2 items, from 0"),
@@ -328,7 +328,7 @@ def test_what_loads_comes_back_through_yaml(registry: Registry, data: dict[str, 
 
 def test_every_default_is_written(registry: Registry) -> None:
     assert load(registry).to_yaml() == (
-        "imitor: 1\nrobot: toybot\nsettle_s: 0.0\nseed: 0\nenvironment: []\n"
+        "imitor: 1\nrobot: toybot\nspeed: 1.0\nsettle_s: 0.0\nseed: 0\nenvironment: []\n"
         "source:\n  use: actor\n  scenario: stand\n  note: ''\n"
         "stages:\n"
         "- {mapper: imitate, id: imitate}\n"

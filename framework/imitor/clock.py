@@ -39,7 +39,7 @@ def at_rate(frames: Iterator[HumanFrame], source_hz: float, rate_hz: float) -> I
         while after is not None and after.time_s < t:
             before, after = after, next(frames, None)
         if after is None:
-            if t <= before.time_s + 0.5 / source_hz:
+            if t <= before.time_s + 1e-6 / rate_hz:
                 yield _copy(before, t)
             return
         yield _between(before, after, t)

@@ -29,6 +29,16 @@ def did_you_mean(given: str, legal: Iterable[str]) -> str:
     return f"did you mean '{close[0]}'?" if close else ""
 
 
+def told(error: BaseException) -> str:
+    """Return an error's message; one that is not ours is named, so that its author can find it."""
+    text = str(error).rstrip(".")
+    if isinstance(error, ImitorError):
+        return text
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}{f': {error.filename}' if error.filename else ''}"
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
 class ImitorError(Exception):
     """Root of all errors that imitor raises on purpose."""
 
@@ -97,7 +107,7 @@ class UnknownLink(RobotError):
         super().__init__(
             f"{prefix}robot '{robot}' has no link or joint '{name}'"
             + (f"; {hint}" if hint else "")
-            + f" ({len(self.legal)} names: imitor show {robot})"
+            + f" ({len(self.legal)} names: imitor robot check {robot})"
         )
 
 

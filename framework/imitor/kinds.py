@@ -89,7 +89,9 @@ class Component(Generic[C]):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
-        for base in getattr(cls, "__orig_bases__", ()):
+        if "config_type" in vars(cls):
+            return
+        for base in vars(cls).get("__orig_bases__", ()):
             args = get_args(base)
             origin = get_origin(base)
             of_component = isinstance(origin, type) and issubclass(origin, Component)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import itertools
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
 from imitor.clock import at_rate, played
-from imitor.errors import ImitorError, RunError, SpecError
+from imitor.errors import ImitorError, RobotError, RunError, SourceError, SpecError, told
 from imitor.kinds import (
     WHOLE_RECORDING,
     Component,
@@ -55,7 +56,9 @@ class Pipeline:
         self.spec = spec
         self.source = self._start_source(spec.source, registry)
         if self.source.live and spec.speed != 1.0:
-            raise ImitorError(f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1")
+            raise ImitorError(
+                f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1"
+            )
         self.rate_hz = spec.rate_hz or self.source.rate_hz
         self.skeleton: Skeleton = self.source.skeleton
         self.robot = RobotModel.load(spec.robot, registry)
@@ -75,8 +78,12 @@ class Pipeline:
     @staticmethod
     def _start_source(spec: StageSpec, registry: Registry) -> Source[Any]:
         source = registry.get("source", spec.name)(spec.config)
-        assert isinstance(source, Source)
-        source.start()
+        if not isinstance(source, Source):
+            raise ImitorError(f"'{spec.name}' is no source")
+        with _at(f"source {spec.name}"):
+            source.start()
+        if source.n_frames == 0:
+            raise ImitorError(f"source {spec.name}: it has no frames; nothing was run")
         return source
 
     def _build(self) -> None:
@@ -168,10 +175,12 @@ class Pipeline:
         Raises:
             RunError: A stage failed; says which and at which frame.
         """
-        where = ""
+        where, time_s = "", frame.time_s
         try:
             for where, filter_step in self._filter_steps:  # noqa: B007
                 frame = filter_step(frame)
+                if frame is None:
+                    raise ImitorError("a filter returns the frame, not None")
             state = self.state
             state.status = 0
             for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
@@ -180,20 +189,20 @@ class Pipeline:
             self.guard.apply(self.stack, state)
             state.contact[:] = self.stack.contact
         except RunError as error:
-            raise type(error)(str(error), frame=self._index, time_s=frame.time_s, stage=where) from error
-        except (ImitorError, ArithmeticError, ValueError, IndexError, np.linalg.LinAlgError) as error:
+            raise type(error)(str(error), frame=self._index, time_s=time_s, stage=where) from error
+        except Exception as error:  # a plugin's fault ends the run, not the program: finished frames are kept
             raise RunError(
-                f"{error or type(error).__name__}. The frames before are kept.",
-                frame=self._index, time_s=frame.time_s, stage=where,
-            ) from error  # fmt: skip
+                f"{told(error)}. The frames before are kept.", frame=self._index, time_s=time_s, stage=where
+            ) from error
         self._index += 1
         return frame
 
     def records(self, max_frames: int | None = None) -> Iterator[Record]:
         """Yield a record for each frame; it is the same object each time, valid until the next.
 
-        The delay that stages declare shifts time stamps: a command is recorded at the time of the human frame it
-        belongs to, and the run goes on until the last one is out.
+        The delay that stages declare shifts time stamps: a command is recorded with the human frame it belongs to,
+        and the run goes on until the last one is out. A filter with a delay returns earlier frames with their own
+        time stamps.
         """
         delay = sum(c.delay_frames for _, c in self.stages)
         frames = self._with_settling(self._human_frames())
@@ -201,14 +210,17 @@ class Pipeline:
             frames = itertools.islice(frames, max_frames + delay)
         record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
         clock = time.perf_counter
-        dt = 1.0 / self.rate_hz
-        for i, frame in enumerate(_drained(frames, delay, dt)):
+        humans: deque[HumanFrame] = deque(
+            maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
+        )
+        for i, frame in enumerate(_drained(frames, delay, 1.0 / self.rate_hz)):
             begin = clock()
-            human = self.step(frame)
+            humans.append(self.step(frame))
             record.compute_s = clock() - begin
             if i < delay:
                 continue
-            record.index, record.time_s, record.human = i - delay, human.time_s - delay * dt, human
+            record.index, record.human = i - delay, humans[0]
+            record.time_s = humans[0].time_s
             yield record
 
     def close(self) -> None:
@@ -265,11 +277,10 @@ def _at(where: str) -> Iterator[None]:
     """Name the stage in errors that happen while the pipeline is built."""
     try:
         yield
-    except SpecError:
+    except (SpecError, SourceError, RobotError):
         raise
-    except ImitorError as error:
-        message = str(error)
-        raise (error if message.startswith(where) else ImitorError(f"{where}: {message}")) from error
+    except Exception as error:
+        raise ImitorError(f"{where}: {told(error)}") from error
 
 
 def build(spec: PipelineSpec, registry: Registry) -> Pipeline:

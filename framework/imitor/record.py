@@ -85,9 +85,9 @@ class Motion:
             SourceError: The file is missing, damaged or of another schema.
         """
         data = _load(path)
-        if str(data["schema"]) != SCHEMA:
-            raise SourceError(path, f"schema '{data['schema']}', expected '{SCHEMA}'")
         try:
+            if str(data["schema"]) != SCHEMA:
+                raise SourceError(path, f"schema '{data['schema']}', expected '{SCHEMA}'")
             return cls(
                 str(data["robot"]),
                 data["time_s"],
@@ -311,8 +311,12 @@ def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in data.files}
+        with path.open("rb") as stream:
+            if not zipfile.is_zipfile(stream):
+                raise SourceError(path, "is not an npz archive, or a damaged one")
+            stream.seek(0)
+            with np.load(stream, allow_pickle=False) as data:
+                return {name: data[name] for name in data.files}
     except FileNotFoundError:
         raise SourceError(path, "there is no such file; is this a run directory?") from None
     except (OSError, ValueError, zipfile.BadZipFile, EOFError) as error:

@@ -19,7 +19,7 @@ from typing import Any
 
 import pluggy
 
-from imitor.errors import DuplicateComponent, PluginError, PluginLoadError, did_you_mean
+from imitor.errors import DuplicateComponent, PluginError, PluginLoadError, did_you_mean, told
 from imitor.hooks import PROJECT, HookSpecs
 from imitor.kinds import KINDS, Component, kind_of
 
@@ -68,7 +68,6 @@ class Registry:
             self._load(module.rsplit(".", 1)[1], module)
         if entry_points:
             self._load_entry_points()
-        self._manager.check_pending()
         for plugin_name, plugin in self._manager.list_name_plugin():
             if isinstance(plugin, ModuleType):
                 self._collect(plugin_name, plugin)
@@ -77,11 +76,28 @@ class Registry:
         if {name, module} & self._without:
             return
         try:
-            self._manager.register(importlib.import_module(module), module)
+            plugin = importlib.import_module(module)
+            self._manager.register(plugin, module)
+            self._refuse_unknown_hooks(plugin)
         except Exception as error:  # whatever a plugin's import raises must not stop the others
             self._fail(name, module, error)
         else:
             self._plugins.append((name, module))
+
+    def _refuse_unknown_hooks(self, plugin: object) -> None:
+        """Refuse a misspelt hook, which would silently never be called."""
+        try:
+            self._manager.check_pending()
+        except pluggy.PluginValidationError as error:
+            self._manager.unregister(plugin)
+            known = [name for name in vars(HookSpecs) if name.startswith(PROJECT)]
+            marked = [name for name in dir(plugin) if hasattr(getattr(plugin, name), f"{PROJECT}_impl")]
+            wrong = next((name for name in marked if name not in known), "")
+            hint = did_you_mean(wrong, known)
+            raise PluginError(
+                getattr(plugin, "__name__", ""),
+                f"unknown hook '{wrong}'" + (f"; {hint}" if hint else f"; hooks: {', '.join(known)}"),
+            ) from error
 
     def _load_entry_points(self) -> None:
         wanted = os.environ.get("IMITOR_PLUGINS")
@@ -91,7 +107,7 @@ class Registry:
                 self._load(point.name, point.value)
 
     def _fail(self, name: str, module: str, error: BaseException) -> None:
-        text = f"{type(error).__name__}: {error}" if not isinstance(error, ImportError) else str(error)
+        text = str(error) if isinstance(error, ImportError | PluginError) else told(error)
         self.failures.append(Failure(name, module, text, traceback.format_exc()))
 
     def _collect(self, module: str, plugin: ModuleType) -> None:

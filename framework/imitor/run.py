@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from imitor.atomic import atomic
-from imitor.errors import ImitorError, RunError, SinkError
-from imitor.kinds import RunInfo, Sink
+from imitor.errors import ImitorError, RunError, SinkError, told
+from imitor.kinds import Record, RunInfo, Sink
 from imitor.pipeline import Pipeline
 from imitor.record import MOTION_FILE
 from imitor.registry import Registry
@@ -75,7 +75,12 @@ def run(
     pipeline = Pipeline(spec, registry)
     try:
         result = RunResult(_run_directory(out_dir, spec.name))
-        sinks = _open_sinks(spec, registry, pipeline, result, max_frames, view)
+        try:
+            sinks = _open_sinks(spec, registry, pipeline, result, max_frames, view)
+        except ImitorError:
+            with contextlib.suppress(OSError):  # leave no empty folder behind
+                result.out_dir.rmdir()
+            raise
         if started is not None:
             started(pipeline)
         registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
@@ -92,6 +97,8 @@ def run(
             result.status, result.message = "interrupted", f"interrupted after {result.frames} frames"
         except RunError as error:
             result.status, result.message = "failed", str(error)
+        if result.frames == 0 and result.status == "done":
+            result.status, result.message = "failed", f"source {spec.source.name} gave no frame"
         _finish(result, sinks, pipeline, spec, registry)
     finally:
         pipeline.close()
@@ -148,21 +155,23 @@ def _open_sinks(
         try:
             sink.start()
             sink.open(info)
-        except ImitorError as error:
-            raise type(error)(f"{where}: {error}") if type(error) is ImitorError else error from None
+        except (
+            Exception
+        ) as error:  # nothing was run yet: whatever is wrong with a sink is wrong with the input
+            raise ImitorError(f"{where}: {told(error)}") from error
     return sinks
 
 
-def _write(where: str, sink: Sink[Any], record: Any) -> None:
+def _write(where: str, sink: Sink[Any], record: Record) -> None:
     try:
         sink.write(record)
-    except ImitorError as error:
-        raise SinkError(str(error), frame=record.index, time_s=record.time_s, stage=where) from error
-    except OSError as error:
+    except Exception as error:  # a failing sink ends the run with what was finished kept
         raise SinkError(
-            f"cannot write: {error.strerror or error}. The frames before are kept.",
-            frame=record.index, time_s=record.time_s, stage=where,
-        ) from error  # fmt: skip
+            f"{told(error)}. The frames before are kept.",
+            frame=record.index,
+            time_s=record.time_s,
+            stage=where,
+        ) from error
 
 
 def _finish(
@@ -181,11 +190,12 @@ def _finish(
             extra.update(report.figures)
         except KeyboardInterrupt:
             result.status, result.message = "interrupted", f"{where}: interrupted while finishing"
-        except (ImitorError, OSError) as error:
-            text = f"{where}: {error if isinstance(error, ImitorError) else error.strerror or error}"
+        except Exception as error:
+            text = f"{where}: {told(error)}"
             if result.status == "done":
                 result.status, result.message = "failed", text
-            log.error(text)
+            else:
+                log.error(text)
         finally:
             with contextlib.suppress(Exception):
                 sink.close()

@@ -103,7 +103,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             for name, (proximal, distal) in SEGMENTS.items()
         ]
         self._feet = [stack.declare(f"{side}_foot", TaskKind.POSE, frame=f"{side}_foot") for side in SIDES]
-        self._free = [stack.declare(f"{side}_ankle", TaskKind.POSITION, frame=f"{side}_ankle") for side in SIDES]
+        self._free = [
+            stack.declare(f"{side}_ankle", TaskKind.POSITION, frame=f"{side}_ankle") for side in SIDES
+        ]
         self._soles = [
             stack.declare(f"{side}_sole", TaskKind.ORIENTATION, frame=f"{side}_foot") for side in SIDES
         ]

@@ -90,11 +90,15 @@ def _row(name: str, unit: str, figure: Mapping[str, Any]) -> list[str]:
         if statistic in (main, "max", "frames"):
             continue
         if statistic.endswith("share"):
-            rest.append(f"{words(statistic.removesuffix('share')).strip()} {number_text(other, 100.0)} %".strip())
+            rest.append(
+                f"{words(statistic.removesuffix('share')).strip()} {number_text(other, 100.0)} %".strip()
+            )
         elif isinstance(other, str):
             rest.append(f"{words(statistic)} {other}")
         else:  # the figure's unit holds for its statistics, not for counts beside them
-            rest.append(f"{words(statistic)} {number_text(other, factor if statistic in _STATISTICS else 1.0)}")
+            rest.append(
+                f"{words(statistic)} {number_text(other, factor if statistic in _STATISTICS else 1.0)}"
+            )
     if isinstance(figure.get("frames"), int):
         rest.append(f"over {figure['frames']} frames")
     return [name, number_text(value, factor), number_text(largest, factor), unit, ", ".join(rest)]

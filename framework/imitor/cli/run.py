@@ -32,7 +32,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", type=Path, help="folder for the results")
     parser.add_argument("--frames", metavar="N", type=_count, help="stop after N frames")
     parser.add_argument(
-        "--sink", metavar="NAME", action="append", default=[], help="add a sink, e.g. video or rerun (repeatable)"
+        "--sink",
+        metavar="NAME",
+        action="append",
+        default=[],
+        help="add a sink, e.g. video or rerun (repeatable)",
     )
     parser.add_argument("--view", action="store_true", help="show the robot while it moves")
     parser.add_argument("--simulate", action="store_true", help="execute the motion in a physics simulation")

@@ -23,7 +23,7 @@ _NONE: Final = -1
 _STEP_M: Final = 0.02
 _STEP_S: Final = 0.5
 _ARRIVED_M: Final = 0.02
-"""A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, and how near is there."""
+"""A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, how near is there."""
 LEVEL_RAD: Final = 0.06
 """A rolling foot tilted less than this is flat [rad]: noise must not rock the robot."""
 ROLL_RAD: Final = 0.9
@@ -82,6 +82,10 @@ class Foot:
         self._corners = robot.sole[SIDES.index(side)]
         x = self._corners[:, 0]
         self._edges = (np.array([x.min(), 0.0, 0.0]), np.array([x.max(), 0.0, 0.0]))  # heel, front
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the last frame."""
         self.pose: Array = np.eye(4)
         self._flat: Array = np.eye(4)
         self.ankle: Array = np.zeros(3)
@@ -147,7 +151,7 @@ class Foot:
         return atan2(float(self.turn[1, 0]), float(self.turn[0, 0]))
 
     def roll(self) -> None:
-        """Turn the standing sole about its front edge with the human's rising heel, about its rear edge with the toes."""
+        """Turn the standing sole about its front edge as the human's heel rises, about its rear edge as the toes do."""
         pitch = asin(min(max(-float(self.turn[2, 0]), -1.0), 1.0))
         pitch = min(max(pitch - min(max(pitch, -LEVEL_RAD), LEVEL_RAD), -ROLL_RAD), ROLL_RAD)
         c, s = cos(pitch), sin(pitch)
@@ -238,7 +242,7 @@ class Footing:
         self._human_mid_hip: Array = np.zeros(3)
         self._shift: Array = np.zeros(3)
         for foot in self.feet:
-            foot.offset[:] = 0.0
+            foot.reset()
 
     def step(
         self,

@@ -17,6 +17,7 @@ from imitor.errors import RobotError, UnknownJoint, UnknownLink
 from imitor.registry import Registry
 from imitor.robot.card import RobotCard, expand, expand_limits, load_card
 from imitor.robot.files import ModelFiles, locate
+from imitor.robot.growth import MIDDLES, Growth
 from imitor.types import SEGMENTS, SIDES, Array
 
 with warnings.catch_warnings():
@@ -62,7 +63,7 @@ class RobotModel:
         self.coupling = self._coupling_matrix()
         self.standing = self._standing_configuration()
         self._frame_views()
-        self._origin_placements = [self.model.jointPlacements[j].copy() for j in range(self.model.njoints)]
+        self._growth: Growth | None = None
         self.update(self.standing)
 
     @classmethod
@@ -102,7 +103,8 @@ class RobotModel:
         bad = [n for n, lo, hi in zip(self.joint_names, self.lower, self.upper, strict=True) if not lo < hi]
         if bad:
             raise RobotError(
-                f"robot '{self.name}': no range left between lower and upper limit of {', '.join(bad)}"
+                f"robot '{self.name}': no range left between lower and upper limit of {', '.join(bad)}; "
+                "correct limits.position_rad"
             )
         unlimited = ~(np.isfinite(self.lower) & np.isfinite(self.upper))
         self.lower[unlimited], self.upper[unlimited] = -2 * np.pi, 2 * np.pi
@@ -136,17 +138,14 @@ class RobotModel:
             self._role_frame[f"{side}_foot"] = self._new_frame(
                 data, f"role/{side}_foot", parent, placement.act(offset)
             )
-        self._middle("mid_hip", "waist", "left_hip", "right_hip", points, data)
-        self._middle("mid_shoulder", "chest", "left_shoulder", "right_shoulder", points, data)
-
-    def _middle(
-        self, role: str, carrier: str, left: str, right: str, points: Mapping[str, int], data: pin.Data
-    ) -> None:
-        if left not in points or right not in points:
-            return
-        at = 0.5 * (data.oMf[points[left]].translation + data.oMf[points[right]].translation)
-        parent = self.model.frames[self._role_frame[carrier]].parentJoint
-        self._role_frame[role] = self._new_frame(data, f"role/{role}", parent, at)
+        for middle, carrier, joint in MIDDLES:
+            if {f"left_{joint}", f"right_{joint}"} <= points.keys():
+                parent = model.frames[self._role_frame[carrier]].parentJoint
+                at = 0.5 * (
+                    data.oMf[points[f"left_{joint}"]].translation
+                    + data.oMf[points[f"right_{joint}"]].translation
+                )
+                self._role_frame[middle] = self._new_frame(data, f"role/{middle}", parent, at)
 
     def _new_frame(self, data: pin.Data, name: str, parent: int, at: Array) -> int:
         placement = data.oMi[parent].actInv(pin.SE3(np.eye(3), np.asarray(at)))
@@ -180,6 +179,11 @@ class RobotModel:
                 self.upper[first] = min(self.upper[first], bounds[1])
                 self.speed[first] = min(self.speed[first], self.speed[i] / abs(ratio))
                 self.acceleration[first] = min(self.acceleration[first], self.acceleration[i] / abs(ratio))
+            if not self.lower[indices[0]] < self.upper[indices[0]]:
+                raise RobotError(
+                    f"robot '{self.name}': the coupled joints {', '.join(names)} have no common range; "
+                    "correct `coupled`"
+                )
             for i, ratio in zip(indices[1:], ratios[1:], strict=True):
                 first = indices[0]
                 self.lower[i], self.upper[i] = sorted((self.lower[first] * ratio, self.upper[first] * ratio))
@@ -202,7 +206,9 @@ class RobotModel:
 
     def _frame_views(self) -> None:
         frames = self.data.oMf
-        self._position: dict[str, Array] = {role: frames[i].translation for role, i in self._role_frame.items()}
+        self._position: dict[str, Array] = {
+            role: frames[i].translation for role, i in self._role_frame.items()
+        }
         self._rotation: dict[str, Array] = {role: frames[i].rotation for role, i in self._role_frame.items()}
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
@@ -379,9 +385,8 @@ class RobotModel:
         """
         other = copy.copy(self)
         other.model = self.model.copy()
-        other._segment_factors = self._joint_factors(factors)  # type: ignore[attr-defined]
-        other._origin_placements = [p.copy() for p in self._origin_placements]
         other.data = other.model.createData()
+        other._growth = Growth(self.model, self._role_frame, factors, self.name)
         other.set_scale(1.0)
         other._frame_views()
         other.standing = other._standing_configuration()
@@ -391,43 +396,10 @@ class RobotModel:
     def set_scale(self, share: float) -> None:
         """Set how far a model made by `scaled` has grown: 0 is the robot's size, 1 the scaled one.
 
-        Moves joint placements only; frames, masses and limits stay.
+        Moves joint and role placements only; masses and limits stay. Call `update` afterwards.
         """
-        factors: Array = getattr(self, "_segment_factors", np.ones(self.model.njoints))
-        for j in range(2, self.model.njoints):
-            factor = 1.0 + share * (factors[j] - 1.0)
-            self.model.jointPlacements[j].translation = factor * self._origin_placements[j].translation
-
-    def _joint_factors(self, factors: Mapping[str, float]) -> Array:
-        """Return per joint the factor of its placement: that of the segment whose proximal part it lies on."""
-        out = np.full(self.model.njoints, float(factors.get("*", 1.0)))
-        pairs = {**SEGMENTS, "hips": ("mid_hip", "left_hip"), "shoulders": ("mid_shoulder", "left_shoulder")}
-        for segment in factors:
-            if segment not in (*pairs, "head", "*"):
-                raise RobotError(
-                    f"robot '{self.name}' has no segment '{segment}' to scale; segments: {', '.join(pairs)}"
-                )
-        for segment in ("head", "shoulders", "hips", *SEGMENTS):
-            if segment not in factors:
-                continue
-            ends = [pairs[segment]] if segment in pairs else [("chest", "head")]
-            if segment in ("hips", "shoulders"):
-                ends.append((ends[0][0], ends[0][1].replace("left", "right")))
-            for a, b in ends:
-                if self.has(a, b):
-                    for joint in self._joints_between(a, b):
-                        out[joint] = factors[segment]
-        return out
-
-    def _joints_between(self, proximal: str, distal: str) -> list[int]:
-        """Return the joints after the proximal frame's joint up to the distal frame's joint."""
-        top = self.model.frames[self.frame_id(proximal)].parentJoint
-        joint = self.model.frames[self.frame_id(distal)].parentJoint
-        chain = []
-        while joint not in (0, top):
-            chain.append(int(joint))
-            joint = self.model.parents[joint]
-        return chain
+        if self._growth is not None:
+            self._growth.apply(self.model, share)
 
 
 def _build(card: RobotCard, files: ModelFiles) -> pin.Model:

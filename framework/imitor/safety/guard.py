@@ -101,7 +101,13 @@ class Guard:
 
 
 def _stoppable(distance: Array, A: Array) -> Array:
-    """Return the largest step from which steps shrinking by A end within a distance: h (h + A) / (2 A) = distance."""
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        h = 0.5 * A * (np.sqrt(1.0 + 8.0 * np.maximum(distance, 0.0) / A) - 1.0)
-    return np.where(np.isfinite(A), h, np.maximum(distance, 0.0))
+    """Return the largest step from which steps shrinking by A end within a distance.
+
+    From h = k A + r (0 <= r < A) the steps to the end add up to h + k r + A k (k - 1) / 2: linear in h between
+    multiples of A, and A k (k + 1) / 2 at h = k A. This is its inverse.
+    """
+    D = np.maximum(distance, 0.0)
+    finite = np.isfinite(A)
+    A = np.where(finite, A, 1.0)
+    k = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * D / A) - 1.0))
+    return np.where(finite, k * A + (D - 0.5 * A * k * (k + 1.0)) / (k + 1.0), D)

@@ -27,7 +27,10 @@ class PipelineDocument(BaseModel):
         None, gt=0, le=1000, description="Frames per second of the output; default: the source's rate [Hz]."
     )
     speed: float = Field(
-        1.0, gt=0, le=10, description="Playback speed of a recording; 0.5 gives a slow robot twice the time [-]."
+        1.0,
+        gt=0,
+        le=10,
+        description="Playback speed of a recording; 0.5 gives a slow robot twice the time [-].",
     )
     settle_s: float = Field(
         0.0, ge=0, le=600, description="How long the last human frame is held so that transitions finish [s]."
@@ -101,7 +104,12 @@ class PipelineSpec:
         data: dict[str, Any] = {"imitor": VERSION, "robot": self.robot}
         if self.rate_hz is not None:
             data["rate_hz"] = self.rate_hz
-        data |= {"speed": self.speed, "settle_s": self.settle_s, "seed": self.seed, "environment": self.environment}
+        data |= {
+            "speed": self.speed,
+            "settle_s": self.settle_s,
+            "seed": self.seed,
+            "environment": self.environment,
+        }
         data["source"] = {"use": self.source.name, **self.source.options()}
         data["stages"] = [{s.kind: s.name, "id": s.id, **s.options()} for s in self.stages]
         data["sinks"] = [{"use": s.name, "id": s.id, **s.options()} for s in self.sinks]

@@ -152,9 +152,8 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
         if task.kind is K.DIRECTION:
             length = float(np.linalg.norm(target))
             expect(abs(length - 1) < 1e-6, cls, f"{name} has a direction of length {length:.6g}, not 1")
-        elif task.kind in (K.ORIENTATION, K.POSE):
-            if not is_rotation(target[:3, :3]):
-                fail(cls, f"{name}: the rotation of its target is none: {short(target)}")
+        elif task.kind in (K.ORIENTATION, K.POSE) and not is_rotation(target[:3, :3]):
+            fail(cls, f"{name}: the rotation of its target is none: {short(target)}")
         if task.kind is K.POSE:
             expect(
                 (target[3] == (0, 0, 0, 1)).all(), cls, f"{name}: the last row of its target is {target[3]}"
