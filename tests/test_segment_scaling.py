@@ -45,7 +45,7 @@ def random_frame(seed: int) -> HumanFrame:
 
 def human_point(frame: HumanFrame, name: str) -> np.ndarray:
     if name.startswith("mid_"):
-        return np.mean([human_point(frame, f"{side}_{name[4:]}") for side in SIDES], axis=0)
+        return np.asarray(np.mean([human_point(frame, f"{side}_{name[4:]}") for side in SIDES], axis=0))
     return np.asarray(frame.position[ROLE_INDEX[name]])
 
 
