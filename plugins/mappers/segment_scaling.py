@@ -150,6 +150,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             stands, task, free, sole = footing.contact[i], self._feet[i], self._free[i], self._soles[i]
             task.active[0], free.active[0], sole.active[0] = stands, not stands, not stands
             task.target[:] = foot.pose
+            task.mask[:2] = task.mask[5] = footing.landing[i] <= 0.0
             sole.target[:] = foot.pose[:3, :3]
             free.target[:] = foot.ankle
             free.mask[:2] = flight or not self._ground_only

@@ -52,8 +52,7 @@ class Rerun(RecordedSink[RerunConfig]):
         super().open(run)
         if run.view and headless():
             raise SinkError(
-                "there is no display here for the viewer; "
-                "run without --view and open the .rrd file elsewhere"
+                "there is no display here for the viewer; run without --view and open the .rrd file elsewhere"
             )
         self._path = self.folder_of(Path(self.config.path))
 

@@ -23,7 +23,9 @@ _NONE: Final = -1
 _STEP_M: Final = 0.02
 _STEP_S: Final = 0.5
 _ARRIVED_M: Final = 0.02
-"""A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, how near is there."""
+_LAND_S: Final = 0.15
+"""A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, how near is there;
+and how long a landing foot may still shift on the floor until it lies flat."""
 LEVEL_RAD: Final = 0.06
 """A rolling foot tilted less than this is flat [rad]: noise must not rock the robot."""
 ROLL_RAD: Final = 0.9
@@ -188,6 +190,11 @@ class Foot:
         return np.asarray(pose[:3, :3] @ self._sole_to_ankle + pose[:3, 3])
 
 
+def _is_flat(sole: Array) -> bool:
+    """Tell whether a sole lies on the floor, within 3 degrees and 3 mm."""
+    return bool(sole[2, 2] > cos(0.05) and abs(sole[2, 3]) < 3e-3)
+
+
 def _yaw(angle: float) -> Array:
     c, s = cos(angle), sin(angle)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -221,6 +228,8 @@ class Footing:
     Attributes:
         feet: Left and right.
         contact: The feet the robot stands on (left, right).
+        landing: Time left in which a foot that landed may still shift, because the robot cannot lay it flat where it
+            came down, left and right [s].
         anchor: Index of the foot that anchors the robot, or -1 in flight.
         mid_hip: Where the scaled body's mid-hip is, shape (3,) [m].
     """
@@ -236,6 +245,7 @@ class Footing:
         """Forget where the feet stood."""
         self._started = False
         self._stepping, self._step_left = _NONE, 0.0
+        self.landing = [0.0, 0.0]
         self.contact = [True, True]
         self.anchor = 0
         self.mid_hip: Array = np.zeros(3)
@@ -276,11 +286,17 @@ class Footing:
         lifted = [c and not w for w, c in zip(wanted, self.contact, strict=True)]
         for i, foot in enumerate(self.feet):
             if landed[i]:
-                foot.stand(self._robot.pose(foot.role))
+                self.landing[i] = _LAND_S
+            if wanted[i] and self.landing[i] > 0.0:
+                at = self._robot.pose(foot.role)
+                foot.stand(at)
+                self.landing[i] = 0.0 if _is_flat(at) else self.landing[i] - self._dt_s
             if wanted[i] and self._settings.roll:
                 foot.roll()
         self.contact = wanted
         self._choose_anchor()
+        if self.anchor != _FLIGHT:
+            self.landing[self.anchor] = 0.0
         self._place_body(ankles, human, ratio, any(landed) or any(lifted))
         for i, foot in enumerate(self.feet):
             if wanted[i]:
