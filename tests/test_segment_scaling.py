@@ -175,13 +175,14 @@ def played(robot: str, scenario: str, rate_hz: float = 60.0) -> dict[str, np.nda
     sets = [f"source.scenario={scenario}", f"source.rate_hz={rate_hz}"]
     spec = load_pipeline("retarget", registry, robot=robot, sets=sets)
     pipeline = Pipeline(spec, registry)
-    out: dict[str, list[Any]] = {k: [] for k in ("target", "foot", "contact", "human", "corners", "anchor")}
+    out: dict[str, list[Any]] = {k: [] for k in ("target", "foot", "contact", "human", "corners", "anchor", "placed")}
     for record in pipeline.records():
         stack, model = record.stack, pipeline.robot
         out["target"].append([stack[f"{s}_foot"].target.copy() for s in SIDES])
         out["foot"].append([model.pose(f"{s}_foot") for s in SIDES])
         out["corners"].append(model.sole_corners())
         out["contact"].append(record.state.contact.copy())
+        out["placed"].append([bool(stack[f"{s}_foot"].mask[0]) for s in SIDES])
         out["anchor"].append(SIDES.index(stack.anchor[:-5]) if stack.anchor else -1)
         assert record.human.support is not None
         out["human"].append([record.human.support.left, record.human.support.right])
@@ -214,6 +215,10 @@ def test_the_robot_stands_on_the_feet_that_the_human_stands_on(performance: dict
 def test_standing_feet_do_not_move(performance: dict[str, np.ndarray]) -> None:
     for i in range(2):
         for stance in stances(performance["contact"][:, i]):
+            placed = performance["placed"][stance, i]
+            lying = int(np.argmax(placed))  # until it lies flat, a landing foot may shift
+            assert lying <= 10 and placed[lying:].all()
+            stance = slice(stance.start + lying, stance.stop)  # noqa: PLW2901
             targets, feet = performance["target"][stance, i], performance["foot"][stance, i]
             np.testing.assert_allclose(targets, targets[:1].repeat(len(targets), axis=0), atol=1e-9)
             off = np.abs(feet[:, :3, 3] - targets[:, :3, 3])[6:].max(axis=0, initial=0.0)
