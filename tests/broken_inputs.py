@@ -411,7 +411,7 @@ def _running() -> Iterator[Case]:
     yield case(
         "a sink that fails", "acme_arm", taking,
         "failed: frame 2 (t=0.017 s), sinks[0] acme_arm: the cable is out. The frames before are kept.",
-        deed="raise OSError(5, 'the cable is out')", kept=3,
+        deed="raise OSError(5, 'the cable is out')", kept=2,
         base="Sink", method="write(self, record)", rest="pass",
     )  # fmt: skip
     yield case(

@@ -34,7 +34,9 @@ def played(path: Path, robot: str) -> tuple[Pipeline, Motion, Reference]:
     registry = Registry(entry_points=False)
     pipeline = Pipeline(load_pipeline("retarget", registry, robot=robot, input=path), registry)
     recorder = Recorder(
-        RunInfo(Path(), pipeline.robot, pipeline.skeleton, pipeline.rate_hz, pipeline.stack, pipeline.n_frames)
+        RunInfo(
+            Path(), pipeline.robot, pipeline.skeleton, pipeline.rate_hz, pipeline.stack, pipeline.n_frames
+        )
     )
     for record in pipeline.records():
         recorder.add(record)
@@ -46,7 +48,9 @@ def played(path: Path, robot: str) -> tuple[Pipeline, Motion, Reference]:
 def test_a_capture_is_imitated(shared: Path, system: str) -> None:
     file, robot, worst = CAPTURES[system]
     pipeline, motion, reference = played(shared / "mocap" / file, robot)
-    figures: dict[str, Any] = metrics.evaluate(motion, reference, pipeline.robot, collision_every=0)["figures"]
+    figures: dict[str, Any] = metrics.evaluate(motion, reference, pipeline.robot, collision_every=0)[
+        "figures"
+    ]
     assert figures["direction_error_deg"]["mean"] <= worst
     assert figures["joint_limit_violation_frames"]["count"] == 0
     assert figures["joint_overspeed_frames"]["count"] == 0

@@ -175,7 +175,9 @@ def played(robot: str, scenario: str, rate_hz: float = 60.0) -> dict[str, np.nda
     sets = [f"source.scenario={scenario}", f"source.rate_hz={rate_hz}"]
     spec = load_pipeline("retarget", registry, robot=robot, sets=sets)
     pipeline = Pipeline(spec, registry)
-    out: dict[str, list[Any]] = {k: [] for k in ("target", "foot", "contact", "human", "corners", "anchor", "placed")}
+    out: dict[str, list[Any]] = {
+        k: [] for k in ("target", "foot", "contact", "human", "corners", "anchor", "placed")
+    }
     for record in pipeline.records():
         stack, model = record.stack, pipeline.robot
         out["target"].append([stack[f"{s}_foot"].target.copy() for s in SIDES])

@@ -207,7 +207,7 @@ class Pipeline:
         delay = sum(c.delay_frames for _, c in self.stages)
         frames = self._with_settling(self._human_frames())
         if max_frames is not None:
-            frames = itertools.islice(frames, max_frames + delay)
+            frames = itertools.islice(frames, max_frames)
         record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
         clock = time.perf_counter
         humans: deque[HumanFrame] = deque(

@@ -6,7 +6,7 @@ import contextlib
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,7 @@ def run(
     """
     begin = time.perf_counter()
     pipeline = Pipeline(spec, registry)
+    registry.announce("built", {"pipeline": spec.name, "robot": pipeline.robot.name})
     try:
         result = RunResult(_run_directory(out_dir, spec.name))
         try:
@@ -150,7 +151,7 @@ def _open_sinks(
         sinks.append(("motion_file", recorder(recorder.config_type())))  # type: ignore[arg-type]
     for stage in spec.sinks:
         sinks.append((f"{stage.where} {stage.id}", registry.get("sink", stage.name)(stage.config)))  # type: ignore[arg-type]
-    sinks.sort(key=lambda item: item[1].name != "motion_file")
+    sinks.sort(key=lambda item: item[1].name == "motion_file")  # last: a frame counts when every sink has it
     for where, sink in sinks:
         try:
             sink.start()
@@ -176,14 +177,14 @@ def _write(where: str, sink: Sink[Any], record: Record) -> None:
 
 def _finish(
     result: RunResult,
-    sinks: Iterable[tuple[str, Sink[Any]]],
+    sinks: Sequence[tuple[str, Sink[Any]]],
     pipeline: Pipeline,
     spec: PipelineSpec,
     registry: Registry,
 ) -> None:
     """Let every sink finish, also after a failure of another; then measure."""
     extra: dict[str, Any] = {}
-    for where, sink in sinks:
+    for where, sink in reversed(sinks):  # the motion first: whatever fails later, it is there
         try:
             report = sink.finish()
             result.files += report.files

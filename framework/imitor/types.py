@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int_]
+AnyArray = TypeVar("AnyArray", bound=NDArray[Any])
 
 _SIDED: Final = ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "heel", "toe", "toe_tip")
 
@@ -55,7 +56,7 @@ SEGMENTS: Final[Mapping[str, tuple[str, str]]] = {
 middles of the hip and of the shoulder joint centres."""
 
 
-def read_only(array: NDArray[np.generic]) -> NDArray[np.generic]:
+def read_only(array: AnyArray) -> AnyArray:
     """Return the array after switching its write flag off (no copy)."""
     array.flags.writeable = False
     return array

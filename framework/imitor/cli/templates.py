@@ -79,7 +79,7 @@ import numpy as np
 from pydantic import Field
 
 from imitor import ROLES, Config, HumanFrame, Skeleton, Source, hookimpl
-from imitor.types import N_ROLES, ROLE_INDEX
+from imitor.types import N_ROLES, ROLE_INDEX, read_only
 """,
     """\
     duration_s: float = Field(2.0, gt=0, description="Length of the motion [s].")
@@ -103,7 +103,7 @@ from imitor.types import N_ROLES, ROLE_INDEX
                 y, z = self.BODY[part]
                 forward = 0.12 if part == "toe" else 0.0
                 rest[ROLE_INDEX[role]] = (forward, -y if side == "right" else y, z)
-        self.valid = ~np.isnan(rest[:, 0])
+        self.valid = read_only(~np.isnan(rest[:, 0]))
         roles = frozenset(role for role, known in zip(ROLES, self.valid, strict=True) if known)
         self.skeleton = Skeleton("{name}", roles, rest, height_m=1.75)
         self.rate_hz = self.config.rate_hz
@@ -117,7 +117,7 @@ from imitor.types import N_ROLES, ROLE_INDEX
             time_s = i / self.rate_hz
             position = rest.copy()
             position[:, 1] += share * self.config.sway_m * np.sin(np.pi * time_s)
-            yield HumanFrame(time_s, position, self.valid)
+            yield HumanFrame(time_s, read_only(position), self.valid)
 ''',
 )
 

@@ -120,10 +120,10 @@ class IterativeSolver(Solver[C]):
         if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
             robot.place(q, stack.anchor, stack.anchor_pose)
         layout = self._rows.layout()
-        for _ in range(most):
+        for k in range(most):
             self._rows.assemble(layout)
-            if np.abs(layout.e).max(initial=0.0) < config.tolerance:
-                break
+            if k > 0 and np.abs(layout.e).max(initial=0.0) < config.tolerance:
+                break  # not before the first step: the gradients act even when every task is met
             self._move(layout, q, reach)
             if stack.anchor:
                 robot.place(q, stack.anchor, stack.anchor_pose)
