@@ -202,7 +202,7 @@ class DishonestSource(Still):
         for f in super().frames():
             position = f.position.copy()
             position[3] = np.nan
-            f.position = read_only(position)  # type: ignore[assignment]
+            f.position = read_only(position)
             yield f
 
 

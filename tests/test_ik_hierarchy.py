@@ -19,7 +19,7 @@ def recursion(levels: list[tuple[np.ndarray, np.ndarray]], g: np.ndarray) -> np.
         dq = dq + np.linalg.pinv(J @ P, rcond=1e-9) @ (e - J @ dq)
         augmented = np.vstack([augmented, J])
         P = np.eye(n) - np.linalg.pinv(augmented, rcond=1e-9) @ augmented
-    return dq + P @ g
+    return np.asarray(dq + P @ g)
 
 
 def problem(seed: int, sizes: list[int], n: int) -> tuple[list[tuple[np.ndarray, np.ndarray]], np.ndarray]:
@@ -113,8 +113,8 @@ def test_clamping_solves_again_with_fewer_joints() -> None:
     """Joint 0 may move 0.1 only; joint 1 has to do the rest of x = q0 + q1."""
     J, e = np.array([[1.0, 1.0]]), np.array([1.0])
     limits, far = (np.array([-1, -1.0]), np.array([0.1, 1.0])), (np.full(2, -9.0), np.full(2, 9.0))
-    for bounds in ((limits, far), (far, limits)):  # a speed limit is helped by the other joint just the same
-        step, fixed = clamped_step(J, e, np.zeros(2), [0], [0.0], 1e-12, *bounds, 0, 9.0)
+    for position, speed in ((limits, far), (far, limits)):  # a speed limit is helped by the other joint just the same
+        step, fixed = clamped_step(J, e, np.zeros(2), [0], [0.0], 1e-12, position, speed, 0, 9.0)
         assert fixed == 1
         np.testing.assert_allclose(step, [0.1, 0.9], atol=1e-6)
 
