@@ -367,6 +367,10 @@ def change(**values: Any) -> Callable[[Case], None]:
     return apply
 
 
+def move_base(case: Case) -> None:
+    case.motion.root_position_m[:, 0] += np.arange(T) * 0.01
+
+
 CAUSES: dict[str, Callable[[Case], None]] = {
     "direction_error_deg": lambda c: bend(c, "left_thigh"),
     **{f"direction_error_{s}_deg": lambda c, s=s: bend(c, s) for s in SEGMENTS},  # type: ignore[misc]
@@ -388,6 +392,8 @@ CAUSES: dict[str, Callable[[Case], None]] = {
     "joint_speed_rad_s": accelerate,
     "joint_speed_to_limit_ratio": accelerate,
     "joint_overspeed_frames": lambda c: c.set("waist_yaw", 0.6, slice(9, None)),
+    "joint_saturated_frames": lambda c: c.set("waist_yaw", 0.6, slice(9, None)),
+    "base_speed_m_s": move_base,
     "joint_acceleration_to_limit_ratio": accelerate,
     "joint_jump_frames": lambda c: c.set("waist_yaw", 0.6, slice(9, None)),
     "joint_jerk_rad_s3": accelerate,

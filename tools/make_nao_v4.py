@@ -61,7 +61,7 @@ Z: Final = (0.0, 0.0, 1.0)
 HALF: Final = math.sqrt(0.5)
 HERE: Final = (0.0, 0.0, 0.0)
 
-# Limits, speeds and torques: ros-naoqi nao_description, naoV40 (BSD); the limits are the documentation's "H25 - Joints".
+# Limits, speeds and torques: ros-naoqi nao_description, naoV40 (BSD); limits as in the documentation's "H25 - Joints".
 # Speeds are the motors' without load through the gears, torques what the motors hold continuously.
 JOINTS: Final = (
     Joint("HeadYaw", "torso", "Neck", (0.0, 0.0, NECK_Z), Z, (-2.08567, 2.08567), 8.26797, 1.547),
@@ -177,7 +177,7 @@ def mirrored_mass(mass: Mass) -> Mass:
 
 
 def mirrored_joint(joint: Joint) -> Joint:
-    """Return the joint on the other side: an axis with a part across stays a pitch, any other is turned the other way."""
+    """Return the joint on the other side: a pitch turns the same way there, a roll or yaw the other way."""
     name, axis, (lower, upper) = right_name(joint.name), joint.axis, joint.limits
     if axis is not None and axis[1] != 0.0:
         axis = (-axis[0], axis[1], -axis[2])

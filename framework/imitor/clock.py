@@ -15,7 +15,7 @@ def played(frames: Iterator[HumanFrame], speed: float) -> Iterator[HumanFrame]:
     for frame in frames:
         if speed != 1.0:
             start = frame.time_s if start is None else start
-            frame = _copy(frame, start + (frame.time_s - start) / speed)  # noqa: PLW2901
+            frame = copied(frame, start + (frame.time_s - start) / speed)  # noqa: PLW2901
         yield frame
 
 
@@ -40,13 +40,14 @@ def at_rate(frames: Iterator[HumanFrame], source_hz: float, rate_hz: float) -> I
             before, after = after, next(frames, None)
         if after is None:
             if t <= before.time_s + 1e-6 / rate_hz:
-                yield _copy(before, t)
+                yield copied(before, t)
             return
         yield _between(before, after, t)
         k += 1
 
 
-def _copy(frame: HumanFrame, time_s: float) -> HumanFrame:
+def copied(frame: HumanFrame, time_s: float) -> HumanFrame:
+    """Return a frame with the same arrays at another time."""
     return HumanFrame(
         time_s, frame.position, frame.valid, frame.orientation, frame.marker, frame.marker_valid,
         frame.target, frame.target_valid, frame.com, frame.support,
@@ -56,10 +57,10 @@ def _copy(frame: HumanFrame, time_s: float) -> HumanFrame:
 def _between(a: HumanFrame, b: HumanFrame, t: float) -> HumanFrame:
     share = (t - a.time_s) / (b.time_s - a.time_s) if b.time_s > a.time_s else 1.0
     if share <= 1e-9:
-        return _copy(a, t)
+        return copied(a, t)
     if share >= 1 - 1e-9:
-        return _copy(b, t)
-    out = _copy(a if share < 0.5 else b, t)
+        return copied(b, t)
+    out = copied(a if share < 0.5 else b, t)
     out.position = a.position + share * (b.position - a.position)
     out.valid = a.valid & b.valid
     out.position = np.where(out.valid[:, None], out.position, np.nan)

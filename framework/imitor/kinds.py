@@ -123,7 +123,10 @@ class Component(Generic[C]):
         """Get ready for the first frame; import heavy packages here."""
 
     def reset(self) -> None:
-        """Forget everything about earlier frames: after it, the same input gives the same output."""
+        """Forget everything about earlier frames: after it, the same input gives the same output.
+
+        What `calibrate` found is kept: it belongs to the person, not to a frame.
+        """
 
     def close(self) -> None:
         """Release what is held; called at least once, safe to call again."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import math
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -11,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from imitor.clock import at_rate, played
+from imitor.clock import at_rate, copied, played
 from imitor.errors import ImitorError, RobotError, RunError, SourceError, SpecError, told
 from imitor.kinds import (
     WHOLE_RECORDING,
@@ -54,7 +55,15 @@ class Pipeline:
 
     def __init__(self, spec: PipelineSpec, registry: Registry) -> None:
         self.spec = spec
+        self.stages: list[tuple[str, Component[Any]]] = []
         self.source = self._start_source(spec.source, registry)
+        try:
+            self._assemble(spec, registry)
+        except BaseException:
+            self.close()
+            raise
+
+    def _assemble(self, spec: PipelineSpec, registry: Registry) -> None:
         if self.source.live and spec.speed != 1.0:
             raise ImitorError(
                 f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1"
@@ -63,7 +72,6 @@ class Pipeline:
         self.skeleton: Skeleton = self.source.skeleton
         self.robot = RobotModel.load(spec.robot, registry)
         context = Context(self.robot, self.skeleton, 1.0 / self.rate_hz, spec.environment)
-        self.stages: list[tuple[str, Component[Any]]] = []
         for stage in spec.stages:
             component = registry.get(stage.kind, stage.name)(stage.config, context)
             self.stages.append((f"{stage.where} {stage.id}", component))
@@ -164,10 +172,7 @@ class Pipeline:
         if last is None:
             return
         for k in range(1, round(self.spec.settle_s * self.rate_hz) + 1):
-            yield HumanFrame(
-                last.time_s + k / self.rate_hz, last.position, last.valid, last.orientation, last.marker,
-                last.marker_valid, last.target, last.target_valid, last.com, last.support,
-            )  # fmt: skip
+            yield copied(last, last.time_s + k / self.rate_hz)
 
     def step(self, frame: HumanFrame) -> HumanFrame:
         """Compute the command of one human frame into ``self.state``; return the filtered frame.
@@ -176,6 +181,7 @@ class Pipeline:
             RunError: A stage failed; says which and at which frame.
         """
         where, time_s = "", frame.time_s
+        frame = copied(frame, time_s)  # filters bind new arrays; the source's frame may be played again
         try:
             for where, filter_step in self._filter_steps:  # noqa: B007
                 frame = filter_step(frame)
@@ -213,8 +219,12 @@ class Pipeline:
         humans: deque[HumanFrame] = deque(
             maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
         )
-        for i, frame in enumerate(_drained(frames, delay, 1.0 / self.rate_hz)):
+        frames = self._sound(_drained(frames, delay, 1.0 / self.rate_hz))
+        for i in itertools.count():
             begin = clock()
+            frame = next(frames, None)
+            if frame is None:
+                return
             humans.append(self.step(frame))
             record.compute_s = clock() - begin
             if i < delay:
@@ -222,6 +232,27 @@ class Pipeline:
             record.index, record.human = i - delay, humans[0]
             record.time_s = humans[0].time_s
             yield record
+
+    def _sound(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
+        """Yield the frames of the source; what goes wrong in it names it and its frame.
+
+        Raises:
+            RunError: The source failed, or time stands still or runs backwards.
+        """
+        where, time_s = f"source {self.spec.source.name}", -math.inf
+        for i in itertools.count():
+            try:
+                frame = next(frames, None)
+                if frame is None:
+                    return
+                if not frame.time_s > time_s:
+                    raise ImitorError(
+                        f"its time goes from {time_s:.6g} s to {frame.time_s:.6g} s; it must increase"
+                    )
+                time_s = frame.time_s
+            except Exception as error:  # whatever a plugin's source raises: the frames before are kept
+                raise RunError(f"{told(error)}. The frames before are kept.", frame=i, stage=where) from error
+            yield frame
 
     def close(self) -> None:
         """Close the source and every stage."""
@@ -246,8 +277,7 @@ def _drained(frames: Iterator[HumanFrame], delay: int, dt: float) -> Iterator[Hu
         yield last
     if last is not None:
         for k in range(1, delay + 1):
-            yield HumanFrame(last.time_s + k * dt, last.position, last.valid, last.orientation, com=last.com,
-                             support=last.support)  # fmt: skip
+            yield copied(last, last.time_s + k * dt)
 
 
 Step = Callable[[HumanFrame, Configuration], None]

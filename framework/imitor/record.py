@@ -251,7 +251,7 @@ class Recorder:
         q = rows["q"]
         card = self._run.robot.card
         return Motion(
-            robot=self._run.robot.name if _is_known_name(card.path) else str(card.path),
+            robot=self._run.robot.name if _is_known_name(card.path) else str(Path(card.path or "").resolve()),
             time_s=rows["time"],
             joint_names=self._run.robot.joint_names,
             joint_position_rad=q[:, 7:],

@@ -20,6 +20,8 @@ from imitor.registry import Registry
 from imitor.spec import PipelineSpec
 
 log = logging.getLogger("imitor")
+FLIGHT_SHARE = 0.2
+"""Share of frames without a foot on the floor above which the run asks whether that can be [-]."""
 
 Progress = Callable[[int, int | None], None]
 
@@ -98,6 +100,10 @@ def run(
             result.status, result.message = "interrupted", f"interrupted after {result.frames} frames"
         except RunError as error:
             result.status, result.message = "failed", str(error)
+        except (
+            Exception
+        ) as error:  # a fault of ours or of an observer: what was finished is kept all the same
+            result.status, result.message = "failed", f"after {result.frames} frames: {told(error)}"
         if result.frames == 0 and result.status == "done":
             result.status, result.message = "failed", f"source {spec.source.name} gave no frame"
         _finish(result, sinks, pipeline, spec, registry)
@@ -156,9 +162,7 @@ def _open_sinks(
         try:
             sink.start()
             sink.open(info)
-        except (
-            Exception
-        ) as error:  # nothing was run yet: whatever is wrong with a sink is wrong with the input
+        except Exception as error:  # nothing was run yet: what is wrong with a sink is wrong with the input
             raise ImitorError(f"{where}: {told(error)}") from error
     return sinks
 
@@ -210,6 +214,9 @@ def _finish(
     except OSError as error:
         result.status = "failed" if result.status == "done" else result.status
         result.message = result.message or f"cannot write to {result.out_dir}: {error.strerror}"
+    except Exception as error:
+        result.status = "failed" if result.status == "done" else result.status
+        result.message = result.message or f"the motion is kept, but cannot be measured: {told(error)}"
 
 
 def _measure(
@@ -224,6 +231,12 @@ def _measure(
     figures["status"], figures["message"] = result.status, result.message
     figures["source"] = {"skeleton": pipeline.skeleton.name, "notes": list(pipeline.skeleton.notes)}
     figures.update(extra)
+    flight = figures["figures"].get("flight_frames", {}).get("share", 0.0)
+    if flight > FLIGHT_SHARE:
+        log.warning(
+            f"no foot touches the floor in {100 * flight:.0f} % of the frames: does the recording jump that much, "
+            "or is its floor elsewhere (--set source.floor=...) or the support filter too strict?"
+        )
     path = result.out_dir / "metrics.json"
     metrics.write(figures, path)
     result.files.append(path)

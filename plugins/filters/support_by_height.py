@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import dist
+from collections import deque
+from math import dist, inf
 from typing import Any, Literal
 
 from pydantic import Field
@@ -30,6 +31,14 @@ class SupportByHeightConfig(Config):
     )
     speed_hysteresis: float = Field(
         1.5, ge=1, description="A foot in contact leaves at this multiple of speed_m_s [-]."
+    )
+    window_s: float = Field(
+        0.06, ge=0, description="Time over which the speed is taken, so that noise is not speed [s]."
+    )
+    dwell_s: float = Field(
+        0.05,
+        ge=0,
+        description="A foot that has come into contact or left it stays so for at least this long [s].",
     )
     keep: bool = Field(True, description="Keep a support that the source knows.")
 
@@ -59,8 +68,10 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
 
     def reset(self) -> None:
         """Forget the last contact."""
-        self._contact = [False, False]
-        self._last: list[list[list[float]]] = [[], []]
+        self._contact, self._seen = [False, False], [False, False]
+        self._since = [inf, inf]
+        frames = max(1, round(self.config.window_s / self.dt_s))
+        self._past: list[deque[list[list[float]]]] = [deque(maxlen=frames), deque(maxlen=frames)]
 
     def step(self, frame: HumanFrame) -> HumanFrame:
         """Bind the frame's support."""
@@ -69,11 +80,14 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
         for i, points in enumerate(self._points):
             if points and all(frame.valid[k] for k, _ in points):  # else not seen: as in the last frame
                 now = [frame.position[k].tolist() for k, _ in points]
-                self._contact[i] = self._stands(
-                    i, now, [p[2] - h for p, (_, h) in zip(now, points, strict=True)]
-                )
-                self._last[i] = now
-        frame.support = Support(*self._contact)
+                stands = self._stands(i, now, [p[2] - h for p, (_, h) in zip(now, points, strict=True)])
+                self._since[i] += self.dt_s
+                self._seen[i] = True
+                if stands != self._contact[i] and self._since[i] >= self.config.dwell_s:
+                    self._contact[i], self._since[i] = stands, 0.0
+                self._past[i].append(now)
+        left, right = (stands or not seen for stands, seen in zip(self._contact, self._seen, strict=True))
+        frame.support = Support(left, right)  # a foot that was never seen stands
         return frame
 
     def _stands(self, foot: int, now: list[list[float]], heights: list[float]) -> bool:
@@ -82,10 +96,11 @@ class SupportByHeight(Filter[SupportByHeightConfig]):
         height = max(heights) if config.points == "flat" else min(heights)
         if height >= config.threshold_m + (config.hysteresis_m if stood else 0.0):
             return False
-        if config.speed_m_s is None or not self._last[foot]:
+        past = self._past[foot]
+        if config.speed_m_s is None or not past:
             return True
         lowest = heights.index(min(heights))
-        speed = dist(now[lowest], self._last[foot][lowest]) / self.dt_s
+        speed = dist(now[lowest], past[0][lowest]) / (len(past) * self.dt_s)
         return speed < config.speed_m_s * (config.speed_hysteresis if stood else 1.0)
 
 

@@ -48,7 +48,7 @@ class SegmentScalingConfig(Config):
         description="Above this clearance a foot's height follows the scaled leg, not the ground [m].",
     )
     blend_s: float = Field(
-        0.15, ge=0, description="Time constant to fade the offset of a foot after it lifted off [s]."
+        0.1, ge=0, description="Time constant to fade the offset of a foot after it lifted off [s]."
     )
 
 
@@ -86,7 +86,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
 
         robot, config = self.robot, self.config
         self._cross3 = cross3
-        self._body = ScaledBody(robot, self.skeleton)
+        self._body = ScaledBody(robot, self.skeleton, self.dt_s)
         self._settings = FootSettings(
             flat_below_m=config.flat_below_m,
             free_above_m=config.free_above_m,
@@ -122,7 +122,9 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._ankles = np.array([POINTS.index(f"{side}_ankle") for side in SIDES])
 
     def reset(self) -> None:
-        """Forget directions and feet."""
+        """Forget directions, feet and CoM."""
+        self._com_offset = np.zeros(3)
+        self._hips_were_seen = True
         self._body.reset()
         self._footing.reset()
 
@@ -134,15 +136,21 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         for task, i in self._directions:
             task.target[:] = direction[i]
         self._write_frames(direction)
-        support = frame.support if frame.support is not None else Support(True, True)
+        support = frame.support
+        if support is None or not body.legs_known:  # who was not seen yet stands
+            support = Support(True, True)
+        if body.hips_seen and not self._hips_were_seen:
+            footing.rebase(body.mid_hip)
+        self._hips_were_seen = body.hips_seen
         forward = self._waist.target[:, 0]
         human = (body.mid_hip, body.mid_ankle)
         footing.step(frame, support, body.relative[self._ankles], human, body.leg_ratio, forward)
         mid_hip = footing.mid_hip
         for task, point in self._positions:
             np.add(mid_hip, body.relative[point], out=task.target)
-        if frame.com is not None:
-            self._com.target[:] = mid_hip + body.leg_ratio * (frame.com - body.mid_hip)
+        if frame.com is not None and body.hips_seen:
+            self._com_offset = body.leg_ratio * (frame.com - body.mid_hip)
+        self._com.target[:] = mid_hip + self._com_offset
         self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
         flight = footing.anchor < 0  # then the feet are all that places the robot
@@ -150,10 +158,11 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             stands, task, free, sole = footing.contact[i], self._feet[i], self._free[i], self._soles[i]
             task.active[0], free.active[0], sole.active[0] = stands, not stands, not stands
             task.target[:] = foot.pose
-            task.mask[:2] = task.mask[5] = footing.landing[i] <= 0.0
+            placed = footing.placed(i)
+            task.mask[:2] = task.mask[5] = placed
             sole.target[:] = foot.pose[:3, :3]
             free.target[:] = foot.ankle
-            free.mask[:2] = flight or not self._ground_only
+            free.mask[:2] = flight or placed or not self._ground_only
         stack.anchor = ""
         if config.anchor and footing.anchor >= 0:
             held = footing.feet[footing.anchor]

@@ -98,19 +98,23 @@ class IterativeSolver(Solver[C]):
         """Solve the first frame without speed limits, from several postures; the best end wins.
 
         Arms and legs have several ways to point in a direction, and joint limits between them: from one posture
-        alone a limb may end at a limit and stay there.
+        alone a limb may end at a limit and stay there. Where another solver has been before, its result is the start.
         """
         robot, far = self.robot, (-self._unlimited, self._unlimited)
-        best, best_error = state.q.copy(), np.inf
-        for joints in (state.q[7:].copy(), robot.joint_values(robot.card.t_pose), self._middle):
+        starts = [state.q[7:].copy()]
+        if np.array_equal(starts[0], robot.standing[7:]):
+            starts += [robot.joint_values(robot.card.t_pose), self._middle]
+        best = state.q.copy()
+        best_error: tuple[float, ...] = ()
+        for joints in starts:
             q = state.q.copy()
             q[7:] = joints
             robot.update(q)
             self._iterate(stack, q, far, self.config.settle_iterations)
             layout = self._rows.layout()
             self._rows.assemble(layout, jacobian=False)
-            error = float(layout.e @ layout.e)
-            if error < 0.9 * best_error:
+            error = tuple(np.sqrt(np.add.reduceat(layout.e**2, layout.starts)).tolist()) if layout.m else ()
+            if not best_error or _better(error, best_error):
                 best, best_error = q, error
         state.q[:] = best
         robot.update(state.q)
@@ -153,3 +157,11 @@ class IterativeSolver(Solver[C]):
             joints += moved
         np.clip(joints, robot.lower, robot.upper, out=joints)
         robot.update(q)
+
+
+def _better(errors: Sequence[float], others: Sequence[float]) -> bool:
+    """Tell whether errors by level are clearly less, the higher level deciding first."""
+    for mine, other in zip(errors, others, strict=True):
+        if abs(mine - other) > 0.005 + 0.05 * other:
+            return mine < other
+    return False

@@ -24,8 +24,12 @@ _STEP_M: Final = 0.02
 _STEP_S: Final = 0.5
 _ARRIVED_M: Final = 0.02
 _LAND_S: Final = 0.15
+_FADED_M: Final = 0.01
 """A foot that is re-placed: how high it is lifted (in the human's size), for how long at most, how near is there;
-and how long a landing foot may still shift on the floor until it lies flat."""
+how long a landing foot may still shift on the floor until it lies flat; and how near the scaled body a foot that
+lifted off is let go."""
+FLATTEN_S: Final = 0.04
+"""Time constant with which a landed sole comes to lie flat [s]."""
 LEVEL_RAD: Final = 0.06
 """A rolling foot tilted less than this is flat [rad]: noise must not rock the robot."""
 ROLL_RAD: Final = 0.9
@@ -90,6 +94,8 @@ class Foot:
         """Forget the last frame."""
         self.pose: Array = np.eye(4)
         self._flat: Array = np.eye(4)
+        self._start: Array = np.eye(4)
+        self._rest = 0.0
         self.ankle: Array = np.zeros(3)
         self.turn: Array = np.eye(3)
         self.offset: Array = np.zeros(3)
@@ -133,15 +139,35 @@ class Foot:
             (c * x[2] + s * z[2], y[2], c * z[2] - s * x[2]),
         )
 
-    def stand(self, robot_pose: Array) -> None:
-        """Put the sole flat on the ground where the robot's foot is, its lower edge unmoved."""
+    def land(self, robot_pose: Array) -> None:
+        """Begin to stand where the robot's foot is; it comes to lie flat within a few `FLATTEN_S`."""
+        self._landed_at = (*self._at, self._heading())
+        self._start[:] = robot_pose
+        self._rest = 1.0
+        self.lay(robot_pose)
+
+    def lay(self, robot_pose: Array) -> None:
+        """Put the sole on the ground where the robot's foot is now, its lower edge unmoved."""
         edge = self._edges[int(robot_pose[2, 0] < 0.0)]
         heading = _yaw(atan2(float(robot_pose[1, 0]), float(robot_pose[0, 0])))
         self._flat[:3, :3] = heading
         self._flat[:2, 3] = (robot_pose[:3, 3] + (robot_pose[:3, :3] - heading) @ edge)[:2]
         self._flat[2, 3] = 0.0
         self.pose[:] = self._flat
-        self._landed_at = (*self._at, self._heading())
+
+    def flatten(self, dt_s: float) -> None:
+        """Bring a landed sole from how it touched down to flat, its lowest corner down to the floor."""
+        if self._rest == 0.0:
+            self.pose[:] = self._flat
+            return
+        self._rest = self._rest * exp(-dt_s / FLATTEN_S) if self._rest > 1e-3 else 0.0
+        start, flat = self._start, self._flat
+        edge = self._edges[int(start[2, 0] < 0.0)]
+        R = _between(flat[:3, :3], start[:3, :3], self._rest)
+        self.pose[:3, :3] = R
+        self.pose[:3, 3] = flat[:3, 3] + (flat[:3, :3] - R) @ edge
+        lowest = max(float(start[2, 3]) + float((self._corners @ start[2, :3]).min()), 0.0)
+        self.pose[2, 3] = self._rest * lowest - float((self._corners @ R[2]).min())
 
     def crept(self, distance: float, angle: float) -> bool:
         """Tell whether the human's foot has moved [m] or turned [rad] further than this since it landed."""
@@ -286,13 +312,16 @@ class Footing:
         lifted = [c and not w for w, c in zip(wanted, self.contact, strict=True)]
         for i, foot in enumerate(self.feet):
             if landed[i]:
+                foot.land(self._robot.pose(foot.role))
                 self.landing[i] = _LAND_S
             if wanted[i] and self.landing[i] > 0.0:
                 at = self._robot.pose(foot.role)
-                foot.stand(at)
+                foot.lay(at)
                 self.landing[i] = 0.0 if _is_flat(at) else self.landing[i] - self._dt_s
-            if wanted[i] and self._settings.roll:
-                foot.roll()
+            if wanted[i]:
+                foot.flatten(self._dt_s)
+                if self._settings.roll:
+                    foot.roll()
         self.contact = wanted
         self._choose_anchor()
         if self.anchor != _FLIGHT:
@@ -310,6 +339,17 @@ class Footing:
             foot.swing(ankle, ratio, self._settings, self._robot.rotation(foot.role))
         self._human_mid_hip = human[0].copy()
 
+    def rebase(self, human_mid_hip: Array) -> None:
+        """Take the human's hips, seen again after a loss, as where they were: the robot does not jump after them."""
+        self._human_mid_hip = human_mid_hip.copy()
+
+    def placed(self, i: int) -> bool:
+        """Tell whether a foot's place on the floor is held: it stands, or it has just lifted off and fades away."""
+        if self.contact[i]:
+            return self.landing[i] <= 0.0
+        offset = self.feet[i].offset
+        return hypot(float(offset[0]), float(offset[1])) > _FADED_M
+
     def _start(self, wanted: list[bool], ankles: Array, human: tuple[Array, Array], ratio: float) -> None:
         self._started = True
         self.mid_hip = np.array([ratio * human[0][0], ratio * human[0][1], 0.0])
@@ -317,7 +357,7 @@ class Footing:
             foot.pose[:3, 3] = (self.mid_hip + ankles[i])[0], (self.mid_hip + ankles[i])[1], 0.0
             foot.pose[:3, :3] = _yaw(atan2(float(foot.turn[1, 0]), float(foot.turn[0, 0])))
             foot.pose[:2, 3] -= (foot.ankle_of(foot.pose) - foot.pose[:3, 3])[:2]
-            foot.stand(foot.pose)
+            foot.land(foot.pose.copy())
         self.contact = list(wanted)
         self._human_mid_hip = human[0].copy()
         lowest = min(float(ankles[i][2] - foot.ankle_of(np.eye(4))[2]) for i, foot in enumerate(self.feet))

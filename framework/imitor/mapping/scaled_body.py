@@ -32,6 +32,8 @@ _NEEDED: Final = tuple(
     for side in ("left", "right")
     for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle")
 )
+RETURN_S: Final = 0.25
+"""Time over which a segment comes back after it was lost [s]."""
 POINTS: Final[tuple[str, ...]] = (
     "mid_hip", "mid_shoulder", "head",
     *(f"{s}_{j}" for s in ("left", "right") for j in ("shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle")),
@@ -50,9 +52,11 @@ class ScaledBody:
         relative: Scaled points relative to mid-hip in world axes, shape (P, 3) [m], in the order of `POINTS`.
         mid_hip, mid_ankle: Human points in world, shape (3,) [m].
         leg_ratio: Robot leg length over the human's in this frame [-].
+        hips_seen: Whether the hips were seen in this frame.
+        legs_known: Whether both legs have been seen since the start.
     """
 
-    def __init__(self, robot: RobotModel, skeleton: Skeleton) -> None:
+    def __init__(self, robot: RobotModel, skeleton: Skeleton, dt_s: float) -> None:
         missing = [r for r in _NEEDED if r not in skeleton.roles]
         if missing:
             raise SourceError(
@@ -82,11 +86,12 @@ class ScaledBody:
         self._middle = np.stack(
             [_weights("mid_hip", used), 0.5 * (_weights("left_ankle", used) + _weights("right_ankle", used))]
         )
+        self._middle_touched = self._middle != 0.0
+        self._dt_s = dt_s
         leg = [self.segments.index(s) for s in ("left_thigh", "left_shank", "right_thigh", "right_shank")]
         self._leg, self._robot_leg = leg, float(self.lengths[leg].sum())
         self.direction: Array = np.zeros((len(chain), 3))
         self.seen = np.zeros(len(chain), dtype=bool)
-        self.leg_ratio = 1.0
         self.reset()
 
     def reset(self) -> None:
@@ -96,8 +101,12 @@ class ScaledBody:
             if upward in self.segments:
                 self.direction[self.segments.index(upward)] = (0.0, 0.0, 1.0)
         self.direction[[self.segments.index("hips"), self.segments.index("shoulders")]] = (0.0, 1.0, 0.0)
-        self.mid_hip = np.zeros(3)
+        self.mid_hip = np.array([0.0, 0.0, 0.5 * self._robot_leg])
         self.mid_ankle = np.zeros(3)
+        self.leg_ratio = 1.0
+        self.legs_known = self.hips_seen = False
+        self._trust = np.ones(len(self.segments))
+        self._trusted = True
 
     def _composition(self) -> Array:
         """Return the matrix that adds up scaled segments to points relative to mid-hip, shape (P, S)."""
@@ -119,25 +128,38 @@ class ScaledBody:
         """Read a human frame."""
         points = frame.position[self._index]
         known = frame.valid[self._index]
-        if known.all():
-            self.seen[:] = True
-            d = self._difference @ points
-        else:
+        whole = bool(known.all())
+        if not whole:
             points = np.where(known[:, None], points, 0.0)
-            self.seen[:] = ~(self._touched & ~known).any(axis=1)
-            d = self._difference @ points
+        d = self._difference @ points
         length2 = np.einsum("ij,ij->i", d, d)
-        good = self.seen & (length2 > 1e-12)
-        length = np.sqrt(np.where(good, length2, 1.0))
-        if good.all():
+        self.seen = length2 > 1e-12 if whole else (length2 > 1e-12) & ~(self._touched & ~known).any(axis=1)
+        length = np.sqrt(np.where(self.seen, length2, 1.0))
+        if self.seen.all() and self._trusted:
             self.direction = d / length[:, None]
         else:
-            self.seen &= good
-            self.direction = np.where(good[:, None], d / length[:, None], self.direction)
-        if good[self._leg].all():
+            self._return_softly(d / length[:, None])
+        self.hips_seen = whole or not (self._middle_touched[0] & ~known).any()
+        if self.hips_seen:
+            self.mid_hip = self._middle[0] @ points
+        if whole or not (self._middle_touched[1] & ~known).any():
+            self.mid_ankle = self._middle[1] @ points
+        if self.seen[self._leg].all():
             self.leg_ratio = self._robot_leg / float(length[self._leg].sum())
-            self.mid_hip, self.mid_ankle = self._middle @ points
+            self.legs_known = True
         self.relative: Array = self._compose @ (self.direction * self.lengths[:, None])
+
+    def _return_softly(self, now: Array) -> None:
+        """Hold the direction of a segment that is not seen, and come back to it over `RETURN_S` once it is."""
+        self._trust = np.where(self.seen, np.minimum(self._trust + self._dt_s / RETURN_S, 1.0), 0.0)
+        self._trusted = bool((self._trust >= 1.0).all())
+        share = self._trust[:, None]
+        blended = share * now + (1.0 - share) * self.direction
+        norm = np.sqrt(np.einsum("ij,ij->i", blended, blended))
+        usable = self.seen & (norm > 1e-6)
+        self.direction = np.where(
+            usable[:, None], blended / np.where(usable, norm, 1.0)[:, None], self.direction
+        )
 
 
 def _sources(end: str) -> tuple[str, ...]:

@@ -25,6 +25,8 @@ FIGURES: Final[tuple[Figure, ...]] = (
     joints.joint_speed,
     joints.joint_speed_ratio,
     joints.overspeed,
+    joints.saturated,
+    joints.base_speed,
     joints.acceleration_ratio,
     joints.jumps,
     joints.jerk,

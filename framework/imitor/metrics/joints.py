@@ -13,6 +13,7 @@ from imitor.types import Array
 
 LIMIT_TOLERANCE: Final = 1e-9  # [rad]
 SPEED_TOLERANCE: Final = 1e-6  # [-]; differences of positions and of time stamps are rounded
+SATURATED: Final = 0.99  # [-]
 JUMP_RAD: Final = 0.5
 STILL_RAD: Final = 0.25
 
@@ -88,6 +89,32 @@ def overspeed(run: Run) -> Outcome:
     """Count the steps above the speed limit."""
     above = (_speeds(run) > run.speed * (1.0 + SPEED_TOLERANCE)).any(axis=1) if len(run) > 1 else np.zeros(0)
     return Sample.count(above, np.ones(len(above)), reason=_TOO_SHORT.format("two"))
+
+
+@figure(
+    "joint_saturated_frames",
+    unit="frames",
+    formula=f"steps in which a joint moves at {SATURATED:.0%} of its speed limit or more",
+    better="lower",
+    about="How often the robot lags because a joint cannot be faster, or chatters between its limits.",
+)
+def saturated(run: Run) -> Outcome:
+    """Count the steps at a speed limit."""
+    at = (_speeds(run) >= run.speed * SATURATED).any(axis=1) if len(run) > 1 else np.zeros(0)
+    return Sample.count(at, np.ones(len(at)), reason=_TOO_SHORT.format("two"))
+
+
+@figure(
+    "base_speed_m_s",
+    unit="m/s",
+    formula="|p_k − p_(k−1)| / T of the base link",
+    better="lower",
+    about="Lurches of the whole body, which joint speeds do not show: a standing leg moves the base.",
+)
+def base_speed(run: Run) -> Outcome:
+    """Take the speed of the base link."""
+    moved = np.linalg.norm(np.diff(run.motion.root_position_m, axis=0), axis=1) / run.period_s
+    return Sample.over(moved, reason=_TOO_SHORT.format("two"))
 
 
 @figure(

@@ -218,6 +218,11 @@ def load_card(name_or_path: str | Path, registry: Registry) -> RobotCard:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise SpecError([Problem(str(path), 0, 0, "", f"cannot read the card: {error}")]) from None
+    if text.lstrip().startswith("<"):
+        raise SpecError(
+            [Problem(str(path), 0, 0, "", "this is a robot model, not a card; write a card that names it as model.file "
+                     "(docs/robots.md shows one)")]
+        )  # fmt: skip
     document = parse_document(text, str(path))
     if document.problems:
         raise SpecError(document.problems)

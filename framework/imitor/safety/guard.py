@@ -61,7 +61,11 @@ class Guard:
             robot.update(q)
         joints = q[BASE_NQ:]
         if last is None:
-            np.clip(joints, robot.lower, robot.upper, out=joints)
+            if (joints < robot.lower).any() or (joints > robot.upper).any():
+                np.clip(joints, robot.lower, robot.upper, out=joints)
+                robot.update(q)
+                if stack.anchor:
+                    robot.place(q, stack.anchor, stack.anchor_pose)
             self._last = q.copy()
             return
         previous = last[BASE_NQ:]

@@ -107,7 +107,7 @@ class _Loader:
         return PipelineSpec(
             name=Path(self.document.path).stem,
             path=self.path,
-            robot=str(robot),
+            robot=str(Path(str(robot)).resolve()) if Path(str(robot)).is_file() else str(robot),
             rate_hz=top.rate_hz,
             speed=top.speed,
             settle_s=top.settle_s,

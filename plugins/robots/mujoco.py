@@ -1,0 +1,179 @@
+"""A simulated robot: the finished motion is executed in physics, and the verdict says whether it stays up."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import Field, field_validator
+
+from imitor import Config, RunInfo, SinkReport, hookimpl
+from imitor.recorded_sink import RecordedSink, writing
+
+if TYPE_CHECKING:
+    from imitor.simulation.body import Body
+    from imitor.simulation.playback import Trace
+
+log = logging.getLogger("imitor")
+
+_Positive = Annotated[float, Field(gt=0)]
+
+
+class MujocoConfig(Config):
+    """The servos, the floor, what counts as a fall, and which files are written."""
+
+    kp_per_effort: float = Field(
+        30.0, gt=0, description="Stiffness of the servos by their torque limit [1/rad]."
+    )
+    kv_per_kp: float = Field(0.05, gt=0, le=1, description="Damping of the servos by their stiffness [s].")
+    kp_nm_per_rad: Mapping[str, _Positive] = Field(
+        {}, description="Stiffness of single servos: joint, template or * [N m/rad]."
+    )
+    effort_nm: Mapping[str, _Positive] = Field(
+        {}, description="Torque limits in place of the model's: joint, template or * [N m]."
+    )
+    velocity_reference: bool = Field(
+        True,
+        description="Whether servos damp the deviation from the commanded speed; all speed otherwise [-].",
+    )
+    armature_per_effort: float = Field(
+        2e-4,
+        ge=0,
+        description="Inertia of motor and gear where the model has none, by the torque limit [kg m^2/(N m)].",
+    )
+    friction: float = Field(0.8, gt=0, le=5, description="Friction coefficient of floor and robot [-].")
+    touch: Literal["points", "hulls"] = Field(
+        "points",
+        description="What feels the floor beside the soles: points at the joints, or hulls of the visible parts [-].",
+    )
+    step_s: float = Field(0.002, gt=0, le=0.01, description="Time step of the simulation [s].")
+    settle_s: float = Field(
+        1.0, ge=0, le=60, description="How long the first command is held before the motion plays [s]."
+    )
+    fall_tilt_rad: float = Field(
+        math.radians(45.0), gt=0, le=math.pi,
+        description="A fall: the base tilts by so much more than the motion asks for [rad].",
+    )  # fmt: skip
+    fall_drop_share: float = Field(
+        0.3, gt=0, le=1,
+        description="A fall: the base is by so much of its standing height lower than the motion asks for [-].",
+    )  # fmt: skip
+    file: bool = Field(True, description="Whether simulation.npz is written [-].")
+    video: bool = Field(
+        False, description="Whether simulation.gif and simulation.png are rendered, without a display [-]."
+    )
+    size_px: tuple[int, int] = Field((480, 360), description="Width and height of the video [px].")
+    fps: float = Field(25.0, gt=0, le=50, description="Pictures per second of the video [Hz].")
+
+    @field_validator("size_px")
+    @classmethod
+    def _sensible(cls, size: tuple[int, int]) -> tuple[int, int]:
+        if any(n % 2 or not 64 <= n <= 4096 for n in size):
+            raise ValueError("width and height must be even numbers from 64 to 4096")
+        return size
+
+
+class Mujoco(RecordedSink[MujocoConfig]):
+    """Executes the motion in physics (MuJoCo) and reports falls, ZMP, torques and tracking errors."""
+
+    name = "mujoco"
+
+    def open(self, run: RunInfo) -> None:
+        """Build the simulated robot before the first frame.
+
+        Raises:
+            RobotError: The robot cannot be simulated so. SinkError: No window or picture is possible here.
+        """
+        super().open(run)
+        if run.view:
+            from imitor.simulation.window import check_display
+
+            check_display()
+        if self.config.video:
+            from imitor.visual.offscreen import check_rendering
+
+            check_rendering()
+        self._body = self._build()
+
+    def _build(self) -> Body:
+        from imitor.simulation.body import Body, Surroundings
+        from imitor.simulation.drives import make_drives
+
+        c = self.config
+        drives = make_drives(
+            self.run.robot, kp_per_effort=c.kp_per_effort, kv_per_kp=c.kv_per_kp, effort=c.effort_nm, kp=c.kp_nm_per_rad
+        )  # fmt: skip
+        around = Surroundings(
+            step_s=c.step_s, friction=c.friction, armature_per_effort=c.armature_per_effort, touch=c.touch
+        )
+        return Body(self.run.robot, drives, around, visible=self.run.view)
+
+    def save(self) -> SinkReport:
+        """Simulate, measure, and write what is asked for."""
+        from imitor.simulation.verdict import figures
+
+        trace = self._play()
+        verdict = figures(trace, self._body)
+        if self.run.environment:
+            verdict["notes"].append("the objects of `environment` are not simulated")
+        if trace.fall is None:
+            log.info("mujoco: the robot stayed up for %.2f s", verdict["survived_s"])
+        else:
+            log.info("mujoco: the robot fell after %.2f s: %s", trace.fall.time_s, trace.fall.reason)
+        return SinkReport(self._files(trace), {"simulation": verdict})
+
+    def _play(self) -> Trace:
+        from imitor.simulation.playback import play
+        from imitor.simulation.verdict import FallRule
+        from imitor.simulation.window import Window
+
+        c, window = self.config, Window() if self.run.view else None
+        try:
+            return play(
+                self._body, self.recorder.motion(), settle_s=c.settle_s,
+                rule=FallRule(c.fall_tilt_rad, c.fall_drop_share),
+                velocity_reference=c.velocity_reference, observer=window,
+            )  # fmt: skip
+        finally:
+            if window is not None:
+                window.close()
+
+    def _files(self, trace: Trace) -> list[Path]:
+        from imitor.simulation.film import save_arrays
+
+        files, folder = [], self.run.out_dir
+        if self.config.file:
+            files.append(folder / "simulation.npz")
+            with writing(files[-1]) as temporary:
+                save_arrays(temporary, trace, self.run.robot)
+        return files + (self._film(trace) if self.config.video else [])
+
+    def _film(self, trace: Trace) -> list[Path]:
+        from imitor.simulation.film import Film, executed_motion
+        from imitor.simulation.verdict import standing_feet
+
+        robot, folder = self.run.robot, self.run.out_dir
+        motion = executed_motion(trace, robot, standing_feet(trace, self._body.weight_n))
+        film = Film(robot, motion, self.recorder.reference(), self.config.size_px, self.config.fps)
+        gif, sheet = folder / "simulation.gif", folder / "simulation.png"
+        try:
+            with writing(gif) as temporary:
+                film.save_gif(temporary)
+            with writing(sheet) as temporary:
+                film.save_sheet(temporary, self._title())
+        finally:
+            film.close()
+        return [gif, sheet]
+
+    def _title(self) -> str:
+        parts: list[Any] = [self.run.pipeline_name, self.run.robot.card.title, "in simulation"]
+        return "  ·  ".join(p for p in parts if p)
+
+
+@hookimpl
+def imitor_components() -> list[type[Mujoco]]:
+    """Register the sink."""
+    return [Mujoco]
