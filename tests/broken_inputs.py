@@ -140,6 +140,20 @@ def _pipelines() -> Iterator[Case]:
         "       |          ^ did you mean 'torso'?",
     )  # fmt: skip
     yield case(
+        "a weight of no task in the order", "torso, left_forearm, right_forearm]",
+        "torso, left_forearm, right_forearm]\n    weights: {torsi: 0.1}",
+        "p.yaml:14:15: stages[3].weights.torsi: 'torsi' has a weight but is not in the order\n"
+        "    14 |     weights: {torsi: 0.1}\n"
+        "       |               ^ did you mean 'torso'?",
+    )  # fmt: skip
+    yield case(
+        "a null space that there is not", "torso, left_forearm, right_forearm]",
+        "torso, left_forearm, right_forearm]\n    null_space: {limit: -0.1}",
+        "p.yaml:14:18: stages[3].null_space.limit: input should be 'limits' or 'posture', got 'limit'\n"
+        "    14 |     null_space: {limit: -0.1}\n"
+        "       |                  ^ did you mean 'limits'?",
+    )  # fmt: skip
+    yield case(
         "no solver", PIPELINE[PIPELINE.index("  - solver") : PIPELINE.index("sinks")], "",
         "p.yaml:4:1: stages: no solver; a pipeline needs one to find the robot's configuration",
     )  # fmt: skip

@@ -37,6 +37,8 @@ from imitor.motion.bvh_file import write_bvh
 from imitor.motion.bvh_hierarchy import Node
 from imitor.registry import Registered, Registry
 from imitor.types import ROLE_INDEX, read_only
+from test_kinect_source import small_kinect
+from test_mvnx_source import small_mvnx_options
 
 COMPONENTS = list(Registry(entry_points=False))
 
@@ -75,6 +77,8 @@ def small_bvh(folder: Path) -> dict[str, Any]:
 
 OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
     "bvh": small_bvh,
+    "kinect": small_kinect,
+    "mvnx": small_mvnx_options,
     "video": lambda _: {"size_px": (64, 64), "fps": 5.0, "sheet_width_px": 200, "columns": 1, "rows": 1},
 }
 """What a plugin needs to be checked: options without a default, and what makes a check quick."""

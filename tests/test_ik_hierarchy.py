@@ -113,7 +113,10 @@ def test_clamping_solves_again_with_fewer_joints() -> None:
     """Joint 0 may move 0.1 only; joint 1 has to do the rest of x = q0 + q1."""
     J, e = np.array([[1.0, 1.0]]), np.array([1.0])
     limits, far = (np.array([-1, -1.0]), np.array([0.1, 1.0])), (np.full(2, -9.0), np.full(2, 9.0))
-    for position, speed in ((limits, far), (far, limits)):  # a speed limit is helped by the other joint just the same
+    for position, speed in (
+        (limits, far),
+        (far, limits),
+    ):  # a speed limit is helped by the other joint just the same
         step, fixed = clamped_step(J, e, np.zeros(2), [0], [0.0], 1e-12, position, speed, 0, 9.0)
         assert fixed == 1
         np.testing.assert_allclose(step, [0.1, 0.9], atol=1e-6)

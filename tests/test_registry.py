@@ -275,6 +275,35 @@ def test_runs_are_announced() -> None:
     assert heard == [("started", {"pipeline": "demo"})]
 
 
+def test_hooks_that_raise_do_not_disturb_the_others() -> None:
+    heard: list[str] = []
+
+    class Ugly:
+        @hookimpl
+        def imitor_cards(self) -> list[Path]:
+            raise OSError("no such share")
+
+        @hookimpl
+        def imitor_run_event(self, event: str) -> None:
+            raise ValueError("no server")
+
+    class Listener:
+        @hookimpl
+        def imitor_run_event(self, event: str) -> None:
+            heard.append(event)
+
+    registry = Registry(entry_points=False)
+    registry.register(Listener(), "listener")
+    registry.register(Ugly(), "ugly")
+    registry.announce("built", {})
+    registry.announce("started", {})
+    assert heard == ["built", "started"]
+    assert [(f.plugin, f.error) for f in registry.failures] == [("ugly", "ValueError: no server")]
+    registry.register(Ugly(), "worse")
+    assert "romeo" in registry.cards("robots")
+    assert [(f.plugin, f.error) for f in registry.failures[1:]] == [("worse", "OSError: no such share")]
+
+
 def test_a_registered_namespace_needs_no_hooks() -> None:
     registry = Registry(entry_points=False)
     before = len(list(registry))

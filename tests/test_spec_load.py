@@ -112,7 +112,7 @@ def test_set(registry: Registry) -> None:
         "fast.damping=1e-2",
         "fast.tolerance.position_m=0.5",
         "fast.iterations.arms=3",
-        "fast.order.1=[left_foot]",
+        "fast.order.1=[com]",
         "fast.reach=[1, 2]",
         "source.scenario=walk",
         "source.note='12'",
@@ -127,7 +127,7 @@ def test_set(registry: Registry) -> None:
     assert options["damping"] == 0.01
     assert options["tolerance"] == {"position_m": 0.5, "orientation_rad": 0.01}
     assert options["iterations"] == {"arms": 3, "legs": 5}  # the default keeps what was not set
-    assert options["order"] == [["left_foot", "right_foot"], ["left_foot"]]
+    assert options["order"] == [["left_foot", "right_foot"], ["com"]]
     assert options["reach"] == [1.0, 2.0]
     assert spec.source.options() == {"scenario": "walk", "note": "12"}
     assert spec.sinks[0].options()["file"] == "out.txt"
@@ -285,8 +285,8 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
             "tolerance": st.fixed_dictionaries({}, optional={"position_m": st.floats(1e-300, 1e300)}),
             "verbose": st.booleans(),
             "reach": st.floats(-1e9, 1e9) | st.tuples(st.floats(-1, 1), st.floats(-1, 1)).map(list),
-            "order": st.lists(
-                st.lists(st.sampled_from(["left_foot", "right_foot", "com"]), max_size=3), max_size=3
+            "order": st.permutations(["left_foot", "right_foot", "com"]).flatmap(
+                lambda names: st.integers(0, 3).map(lambda cut: [names[:cut], names[cut:]])
             ),
         },
     )

@@ -517,6 +517,16 @@ p.yaml:7:27: stages[1].order[1][0]: 'fast' does not serve 'head', a direction ta
        |                           ^ it serves pose, com
 """,
     ),
+    (
+        "order_names_a_task_twice",
+        "damping: 0.5",
+        "order: [[left_foot], [com, left_foot]]",
+        """
+p.yaml:7:32: stages[1].order[1][1]: 'left_foot' is in the order already, at stages[1].order[0][0]
+     7 |     order: [[left_foot], [com, left_foot]]
+       |                                ^
+""",
+    ),
 ]
 """Name, what in the good pipeline is replaced, by what, and what is said."""
 

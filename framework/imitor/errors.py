@@ -11,7 +11,6 @@ ImitorError
 ├── SourceError(path, line)      an input file or stream is wrong       exit status 2
 └── RunError(frame, stage)       something failed while running         exit status 1
     ├── NoSolution
-    ├── LimitViolation
     └── SinkError
 """
 
@@ -143,10 +142,6 @@ class RunError(ImitorError):
 
 class NoSolution(RunError):
     """A solver found no configuration for a frame."""
-
-
-class LimitViolation(RunError):
-    """A command would have left a joint's limits."""
 
 
 class SinkError(RunError):

@@ -25,7 +25,6 @@ from imitor.kinds import KINDS, Component, kind_of
 
 BUILTIN = "imitor.plugins"
 ENTRY_POINTS = "imitor"
-CARD_FOLDERS = ("robots", "skeletons", "markersets", "pipelines")
 
 
 @dataclass(frozen=True)
@@ -204,13 +203,26 @@ class Registry:
             "markersets": here / "plugins" / "sources" / "markersets",
             "pipelines": here / "pipelines",
         }[folder]
-        for roots in self._manager.hook.imitor_cards():
+        for roots in self._call("imitor_cards"):
             for root in roots:
                 yield Path(root) / folder
 
     def announce(self, event: str, facts: Mapping[str, Any]) -> None:
         """Tell every plugin that observes runs what happened."""
-        self._manager.hook.imitor_run_event(event=event, facts=facts)
+        self._call("imitor_run_event", event=event, facts=facts)
+
+    def _call(self, hook: str, **arguments: Any) -> list[Any]:
+        """Call a hook of every plugin; one that raises is remembered as a failure and not called again."""
+        results = []
+        for implementation in reversed(getattr(self._manager.hook, hook).get_hookimpls()):
+            plugin = implementation.plugin
+            try:
+                wanted = [arguments[name] for name in implementation.argnames]
+                results.append(implementation.function(*wanted))
+            except Exception as error:  # an observer must not end a run
+                self._fail(implementation.plugin_name, getattr(plugin, "__name__", ""), error)
+                self._manager.unregister(plugin)
+        return results
 
 
 def _builtin_modules() -> list[str]:

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import ImitorError, did_you_mean
-from imitor.types import SEGMENTS, Array, BoolArray
+from imitor.types import Array, BoolArray
 
 
 class TaskKind(StrEnum):
@@ -48,14 +48,6 @@ MASK_SIZE: Final[dict[TaskKind, int]] = {
     TaskKind.LIMITS: 1,
 }
 """Length of a task's axis mask; axes are those of the reference frame (world, or ``relative_to``)."""
-
-CANONICAL_TASKS: Final[frozenset[str]] = frozenset(
-    {
-        "left_foot", "right_foot", "left_hand", "right_hand", "head", "chest", "waist", "com", "posture", "limits",
-        *SEGMENTS,
-    }
-)  # fmt: skip
-"""Names that stabilizers and solver orders can count on."""
 
 
 @dataclass(slots=True)

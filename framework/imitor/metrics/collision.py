@@ -92,7 +92,7 @@ def collision_model(card: RobotCard, files: ModelFiles, model: Any, standing: Ar
         raise ValueError("its model has no collision geometry")
     geometry.removeAllCollisionPairs()
     geometry.addAllCollisionPairs()
-    for pair in list(geometry.collisionPairs):
+    for pair in _pairs(geometry):
         a, b = (geometry.geometryObjects[i].parentJoint for i in (pair.first, pair.second))
         if model.parents[a] == b or model.parents[b] == a:
             geometry.removeCollisionPair(pair)
@@ -102,7 +102,7 @@ def collision_model(card: RobotCard, files: ModelFiles, model: Any, standing: Ar
         return CollisionModel(model, geometry, "without the pairs that the SRDF disables")
     everything = CollisionModel(model, geometry, "")
     overlapping = {links for _, links in everything.collisions(standing)}
-    for pair, links in zip(list(geometry.collisionPairs), everything.pairs, strict=True):
+    for pair, links in zip(_pairs(geometry), everything.pairs, strict=True):
         if links in overlapping:
             geometry.removeCollisionPair(pair)
     return CollisionModel(model, geometry, "without the pairs that overlap in the standing posture")
@@ -121,6 +121,13 @@ def robot_collision_model(robot: RobotModel, model: Any | None = None) -> Collis
     return collision_model(robot.card, robot.files, model, standing)
 
 
+def _pairs(geometry: Any) -> list[Any]:
+    """Return copies of the pairs: the geometry's own change under a loop that removes some of them."""
+    import pinocchio as pin
+
+    return [pin.CollisionPair(p.first, p.second) for p in geometry.collisionPairs]
+
+
 def _skip(card: RobotCard, model: Any, geometry: Any) -> None:
     links = {model.frames[item.parentFrame].name for item in geometry.geometryObjects}
     skipped = set()
@@ -131,7 +138,7 @@ def _skip(card: RobotCard, model: Any, geometry: Any) -> None:
                 if not model.existFrame(name):
                     raise UnknownLink(card.name, name, sorted(links), "collision.skip")
             skipped.add(frozenset((a, b)))
-    for pair in list(geometry.collisionPairs):
+    for pair in _pairs(geometry):
         names = {
             model.frames[geometry.geometryObjects[i].parentFrame].name for i in (pair.first, pair.second)
         }

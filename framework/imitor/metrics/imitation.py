@@ -53,7 +53,7 @@ def direction_error(run: Run) -> dict[str, Outcome]:
 @figure(
     "direction_error_deg",
     unit="deg",
-    formula="mean over the segments of their means over frames; max is the largest of those means",
+    formula="mean over the segments of their means over frames; worst_segment_mean the largest of those",
     better="lower",
     about="One number for the similarity of pose.",
 )
@@ -68,8 +68,8 @@ def mean_direction_error(run: Run) -> Outcome:
     return Sample(
         {
             "mean": sum(means.values()) / len(means),
-            "max": means[worst],
-            "segment": worst,
+            "worst_segment_mean": means[worst],
+            "worst_segment": worst,
             "segments": len(means),
         },
         frames,

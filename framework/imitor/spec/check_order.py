@@ -121,9 +121,13 @@ def _tasks(stages: Sequence[Entry], document: Document) -> Iterator[Problem]:
 
 def _order(stage: Entry, declared: Mapping[str, TaskKind], document: Document) -> Iterator[Problem]:
     serves = getattr(stage.component, "serves", {})
-    loc = (*stage.loc, "order")
+    seen: dict[str, Loc] = {}
     for steps, name in _names(getattr(stage.config, "order", None)):
-        here: Loc = (*loc, *steps)
+        here: Loc = (*stage.loc, "order", *steps)
+        if name in seen:
+            yield document.problem(here, f"'{name}' is in the order already, at {dotted(seen[name])}")
+            continue
+        seen[name] = here
         if name not in declared:
             hint = did_you_mean(name, declared) or f"declared: {', '.join(declared)}"
             yield document.problem(here, f"no stage before it declares a task '{name}'", hint)
@@ -132,6 +136,13 @@ def _order(stage: Entry, declared: Mapping[str, TaskKind], document: Document) -
             yield document.problem(
                 here, f"'{stage.name}' does not serve '{name}', a {declared[name]} task", f"it serves {kinds}"
             )
+    if seen:
+        for name in getattr(stage.config, "weights", None) or {}:
+            if name not in seen:
+                hint = did_you_mean(name, seen) or f"in the order: {', '.join(seen)}"
+                here = (*stage.loc, "weights", name)
+                message = f"'{name}' has a weight but is not in the order"
+                yield document.problem(here, message, hint, key=True)
 
 
 def _names(order: Any) -> Iterator[tuple[Loc, str]]:

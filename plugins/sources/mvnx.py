@@ -1,0 +1,106 @@
+"""The source of Xsens MVNX files."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from imitor import Config, HumanFrame, Source, Support, hookimpl
+from imitor.motion.mvnx_file import read_mvnx
+from imitor.motion.mvnx_recording import MvnxOptions, MvnxRecording, make_mvnx_recording
+from imitor.types import read_only
+
+
+class MvnxConfig(Config):
+    """Options of the MVNX source."""
+
+    path: str = Field(description="The MVNX file.")
+    floor: Literal["auto", "file"] | float = Field(
+        default="auto",
+        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
+    )
+    legs: Literal["auto", "recorded", "unknown"] = Field(
+        default="auto",
+        description="Legs: recorded, unknown (knees and feet are lost), or auto: unknown where the file is an "
+        "upper-body recording, whose legs are frozen to the pelvis.",
+    )
+    height_m: float | None = Field(
+        default=None, gt=0.0, description="Stature of the person; none: that of the T-pose [m]."
+    )
+    start_s: float = Field(
+        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
+    )
+    stop_s: float | None = Field(
+        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
+    )
+    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
+    sex: Literal["male", "female"] = Field(
+        default="male", description="Sex of the person, for the mass model."
+    )
+
+
+class Mvnx(Source[MvnxConfig]):
+    """Reads Xsens MVNX files of versions 3 and 4, with contacts and CoM where the file has them."""
+
+    name = "mvnx"
+    extensions = (".mvnx",)
+    gives = frozenset({"orientation", "com", "support"})
+
+    recording: MvnxRecording
+
+    @classmethod
+    def recognises(cls, path: Path) -> bool:
+        """Tell by the name, or for an .xml file by its first bytes."""
+        if path.suffix.lower() in cls.extensions:
+            return True
+        if path.suffix.lower() != ".xml" or not path.is_file():
+            return False
+        with path.open("rb") as file:
+            return b"<mvnx" in file.read(4096)
+
+    def start(self) -> None:
+        """Read the whole file and bring it into our world.
+
+        Raises:
+            SourceError: The file cannot be used; says where and why.
+        """
+        config = self.config
+        options = MvnxOptions(
+            floor=config.floor,
+            legs=config.legs,
+            height_m=config.height_m,
+            start_s=config.start_s,
+            stop_s=config.stop_s,
+            mass_kg=config.mass_kg,
+            sex=config.sex,
+        )
+        self.recording = r = make_mvnx_recording(config.path, read_mvnx(config.path), options)
+        for array in (r.position, r.orientation, r.valid, r.com, r.support):
+            if array is not None:
+                read_only(array)
+        self.skeleton = r.skeleton
+        self.rate_hz = r.rate_hz
+        self.n_frames = len(r.position)
+
+    def frames(self) -> Iterator[HumanFrame]:
+        """Yield the frames; their arrays are read-only views of the recording."""
+        r = self.recording
+        has_com = [] if r.com is None else [bool(np.isfinite(c).all()) for c in r.com]
+        feet = None if r.support is None else r.support.tolist()
+        for i in range(len(r.position)):
+            frame = HumanFrame(i / r.rate_hz, r.position[i], r.valid[i], r.orientation[i])
+            if r.com is not None and has_com[i]:
+                frame.com = r.com[i]
+            if feet is not None:
+                frame.support = Support(*feet[i])
+            yield frame
+
+
+@hookimpl
+def imitor_components() -> list[type[Mvnx]]:
+    """Return the components of this module."""
+    return [Mvnx]
