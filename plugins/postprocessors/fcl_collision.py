@@ -1,0 +1,97 @@
+"""Self-collision: links that come too near are moved apart."""
+
+from __future__ import annotations
+
+import logging
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+from pydantic import Field
+
+from imitor import Component, Config, Configuration, Postprocessor, TaskStack, hookimpl
+from imitor.errors import ImitorError
+
+if TYPE_CHECKING:
+    from imitor.collision.correction import Correction
+
+_LOG: Final = logging.getLogger("imitor")
+
+
+class FclCollisionConfig(Config):
+    """How far apart links stay, and how quickly they are moved."""
+
+    margin_m: float = Field(0.005, ge=0, le=0.1, description="Distance that links keep [m].")
+    iterations: int = Field(6, ge=1, le=50, description="Linearisations of the distances a frame [-].")
+    speed_share: float = Field(
+        0.8, gt=0, le=1, description="Share of a joint's speed that a correction may grow with [-]."
+    )
+    release_s: float = Field(
+        0.15, gt=0, description="Time in which a correction fades to 37 % when no longer needed [s]."
+    )
+
+
+class FclCollision(Postprocessor[FclCollisionConfig]):
+    """Keep the robot's links apart by the smallest change of joints that carry no standing foot.
+
+    Distances come from python-fcl between convex hulls of the collision geometry. A configuration in which
+    nothing is near is left as it is, to the last bit.
+    """
+
+    name = "fcl_collision"
+
+    correction: Correction
+    """What it changed: ``changed`` and ``left`` frames, ``largest_rad``; set by `start`."""
+
+    def start(self) -> None:
+        """Prepare shapes and pairs.
+
+        Raises:
+            ImitorError: The robot has no usable collision geometry.
+        """
+        from imitor.collision.correction import Correction
+        from imitor.collision.shapes import robot_shapes
+
+        try:
+            shapes = robot_shapes(self.robot)
+        except ValueError as error:
+            raise ImitorError(
+                f"robot '{self.robot.name}' cannot be checked for collisions: {error}"
+            ) from None
+        config = self.config
+        self.correction = Correction(
+            self.robot,
+            shapes,
+            config.margin_m,
+            config.iterations,
+            config.speed_share * self.robot.speed * self.dt_s,
+            math.exp(-self.dt_s / config.release_s),
+        )
+        self._told = False
+
+    def reset(self) -> None:
+        """Forget earlier frames."""
+        self.correction.reset()
+        self._told = False
+
+    def step(self, stack: TaskStack, state: Configuration) -> None:
+        """Move links apart that are nearer than the margin."""
+        self.correction.apply(stack, state.q)
+
+    def close(self) -> None:
+        """Say once what was changed."""
+        correction = getattr(self, "correction", None)
+        if correction is None or self._told:
+            return
+        self._told = True
+        _LOG.info(
+            "fcl_collision: %d frames changed, by at most %.3f rad a joint; %d frames with links still too near",
+            correction.changed,
+            correction.largest_rad,
+            correction.left,
+        )
+
+
+@hookimpl
+def imitor_components() -> list[type[Component[Any]]]:
+    """Register the post-processor."""
+    return [FclCollision]

@@ -1,0 +1,186 @@
+"""Feet re-placed and turned so that the CoM projects where it shall: a statically stable pose in every frame."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from imitor import (
+    Component,
+    Config,
+    Configuration,
+    HumanFrame,
+    Stabilizer,
+    Task,
+    TaskKind,
+    TaskStack,
+    hookimpl,
+)
+from imitor.types import SIDES, Array
+
+_LIGHT = 0.6
+"""Offset of the CoM away from the anchor's foot above which the other foot becomes the anchor [-]."""
+_MOST = 0.5
+"""Most that a foot is moved, as a share of its way to the CoM [-]: what asks for more is no standing pose."""
+
+
+class FootRetargetConfig(Config):
+    """Options of foot retargeting."""
+
+    transition_s: float = Field(
+        0.3, gt=0, description="Time in which a foot leaves the ground or comes down to it [s]."
+    )
+    clearance_m: float = Field(
+        0.012, ge=0, description="Least height of a free sole over the ground, once it has left it [m]."
+    )
+    flat_below_m: float = Field(
+        0.03,
+        gt=0,
+        description="A free sole lower than this is held flat; at twice this it is as the leg has it [m].",
+    )
+
+
+class FootRetarget(Stabilizer[FootRetargetConfig]):
+    """Re-place one foot in double support, turn the support foot in single support [koenemann2014] V-C, eq. 7 (K5).
+
+    Takes the pose found so far, the CoM's target and the contact. In double support the foot on whose side the CoM is
+    to go (left if the wanted offset is smaller than the present one) moves towards the CoM until the CoM projects onto
+    the wanted offset; in single support feet keep their places. The normal of the soles points from the wanted offset
+    to the CoM. It then sets the robot on the ground: this normal becomes the vertical, the support foot the anchor,
+    flat where it stands; `left_foot` and `right_foot` say where the feet are, soles flat with free yaw, and `waist` how
+    the trunk is turned, its heading free: five coordinates a leg. In double support the foot that carries
+    more weight is the anchor.
+
+    A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it counts
+    as in contact only while it is down.
+    """
+
+    name = "foot_retarget"
+    wants = frozenset({"configuration"})
+    needs_tasks = frozenset({"com", "left_foot", "right_foot", "waist"})
+
+    def start(self) -> None:
+        """Bind kernels and views."""
+        from imitor.balance import offset
+
+        robot = self.robot
+        self._line = offset
+        self._places: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
+        self._turns: list[Array] = [robot.rotation(f"{side}_foot") for side in SIDES]
+        self._waist_at, self._waist_turn = robot.position("waist"), robot.rotation("waist")
+        self._rate = self.dt_s / self.config.transition_s
+
+    def reset(self) -> None:
+        """Forget where the feet stood."""
+        self._down = [1.0, 1.0]
+        self._support = -1
+        self._ground: Array = np.eye(4)
+
+    def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
+        """Write feet, waist, anchor and contact."""
+        wanted = [bool(c) for c in stack.contact]
+        if not any(wanted):  # nothing to stand on: as if on both
+            wanted = [True, True]
+        for i, on in enumerate(wanted):
+            self._down[i] = (
+                min(self._down[i] + self._rate, 1.0) if on else max(self._down[i] - self._rate, 0.0)
+            )
+        com, places = self.robot.com, [p.copy() for p in self._places]
+        offset = self._line.offset_of(stack["com"].target, places[0], places[1])
+        offset = min(max(offset, 0.0), 1.0) if all(wanted) else float(wanted[1])
+        standing = self._double(com, places, offset)
+        normal = self._line.foot_normal(com, standing[0], standing[1], offset)
+        self._choose_support(wanted, offset)
+        self._write(stack, places, standing, normal, wanted)
+
+    def _double(self, com: Array, places: list[Array], offset: float) -> list[Array]:
+        """Return the feet with one re-placed, so that the CoM projects onto the offset (figure 5)."""
+        now = self._line.offset_of(com, places[0], places[1])
+        i = 0 if offset < now else 1
+        share = self._line.shift_for(com, places[i], places[1 - i], offset if i == 0 else 1.0 - offset)
+        moved = list(places)
+        share = min(max(share, -_MOST), _MOST) * min(self._down)  # in single support feet keep their places
+        moved[i] = places[i] + share * (com - places[i])
+        return moved
+
+    def _choose_support(self, wanted: list[bool], offset: float) -> None:
+        """Keep the anchor's foot while it carries weight; the other one takes over where it is on the ground."""
+        now = self._support
+        if now >= 0 and wanted[now] and self._down[now] >= 1.0:
+            light = offset > _LIGHT if now == 0 else offset < 1.0 - _LIGHT
+            if not (light and min(self._down) >= 1.0):
+                return
+        before = self._support
+        self._support = 1 - before if before >= 0 else int(not wanted[0])
+        foot = self._support
+        T = self.robot.pose(f"{SIDES[foot]}_foot")
+        if before >= 0:  # in the world of the last frame, where the old anchor stood on the ground
+            T = self._last_pose[foot].copy()
+        self._ground = np.eye(4)
+        self._ground[:3, :3] = self._line.yaw(self._line.yaw_of(T[:3, :3]))
+        self._ground[:2, 3] = T[:2, 3]
+
+    def _write(
+        self, stack: TaskStack, places: list[Array], standing: list[Array], normal: Array, wanted: list[bool]
+    ) -> None:
+        """Set the robot on the ground and write the targets in that world."""
+        foot, line = self._support, self._line
+        R = line.upright(normal)
+        R = line.yaw(line.yaw_of(self._ground[:3, :3]) - line.yaw_of(R @ self._turns[foot])) @ R
+        at = self._ground[:3, 3] - R @ standing[foot]  # world of the ground from the present world
+        waist = R @ self._waist_turn
+        waist_at = R @ self._waist_at + at
+        self._last_pose = []
+        for i, side in enumerate(SIDES):
+            down = self._down[i]
+            free = R @ places[i] + at
+            turn = self._tilted(R @ self._turns[i], float(free[2]), down)
+            sole = self.robot.sole[i] @ turn.T
+            free[2] = max(float(free[2]), self.config.clearance_m - float(sole[:, 2].min()))
+            ground = R @ standing[i] + at
+            ground[2] = 0.0
+            target = ground if down >= 1.0 else ground + (1.0 - down) * (free - ground)
+            pose = np.eye(4)
+            pose[:3, :3], pose[:3, 3] = turn, target
+            self._last_pose.append(pose)
+            self._write_foot(stack, side, pose, waist, waist_at)
+            stack.contact[i] = wanted[i] and down >= 1.0
+        task = stack["waist"]
+        task.target[:] = waist
+        task.mask[:] = (True, True, False)
+        task.active[0] = True
+        stack.anchor = f"{SIDES[foot]}_foot"
+        stack.anchor_pose[:] = self._ground
+
+    def _tilted(self, turn: Array, height: float, down: float) -> Array:
+        """Return how a sole is to be turned: as found while high up, flat near the ground and on it."""
+        share = max(down, 1.0 - min(max(height / self.config.flat_below_m - 1.0, 0.0), 1.0))
+        heading = self._line.yaw(self._line.yaw_of(turn))
+        normal = (1.0 - share) * turn[:, 2] + np.array([0.0, 0.0, share])
+        length = float(np.linalg.norm(normal))
+        if share >= 1.0 or length < 1e-6:
+            return heading
+        return np.asarray(self._line.upright(normal / length).T @ heading)
+
+    @staticmethod
+    def _write_foot(stack: TaskStack, side: str, pose: Array, waist: Array, waist_at: Array) -> None:
+        task: Task = stack[f"{side}_foot"]
+        task.active[0] = True
+        if task.kind is TaskKind.POSE:
+            task.target[:] = pose
+            task.mask[:] = (True, True, True, True, True, False)
+            return
+        task.target[:] = (pose[:3, 3] - waist_at) @ waist if task.relative_to == "waist" else pose[:3, 3]
+        if f"{side}_sole" in stack:
+            sole = stack[f"{side}_sole"]
+            sole.target[:] = pose[:3, :3]
+            sole.mask[:] = (True, True, False)
+            sole.active[0] = True
+
+
+@hookimpl
+def imitor_components() -> list[type[Component[Any]]]:
+    """Register the stabilizer."""
+    return [FootRetarget]
