@@ -63,6 +63,27 @@ def test_robots_that_stand_and_wave_stay_up(tmp_path: Path, robot: str, scenario
     assert found["zmp_margin_double_support_m"]["min"] > 0.0
 
 
+@pytest.mark.parametrize("scenario", ["single_leg_balance", "two_steps_and_reach", "step_forward"])
+def test_the_stabilised_preset_stays_up_on_one_foot(
+    scenario: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No controller helps: NAO's servos follow the commands, and the statically stable motion is enough."""
+    argv = [
+        "run",
+        "koenemann_2014",
+        "--set",
+        f"source.scenario={scenario}",
+        "--simulate",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(argv) == 0
+    found = json.loads((tmp_path / "out" / "metrics.json").read_text())["simulation"]
+    assert (found["fell"], found["fall_reason"]) == (False, "")
+    assert found["zmp_margin_single_support_m"]["frames"] > 30
+    assert f"simulation: it did not fall in {found['survived_s']:.2f} s" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("robot", "joint"), [("talos", "torso_2_joint"), ("unitree_g1", "waist_pitch_joint")]
 )

@@ -63,6 +63,27 @@ def quality_table(metrics: Mapping[str, Any], *, short: bool = False) -> str:
     return text
 
 
+def simulation_text(verdict: Mapping[str, Any]) -> str:
+    """Return what a physics simulation found, ``simulation`` of ``metrics.json``, as two lines."""
+    if verdict["fell"]:
+        text = f"simulation: it fell at {verdict['fall_time_s']:.2f} s: {verdict['fall_reason']}"
+    else:
+        text = f"simulation: it did not fall in {verdict['survived_s']:.2f} s"
+    error, torque, inside = (
+        verdict["joint_error_rad"],
+        verdict["torque_to_limit"],
+        verdict["zmp_inside_share"],
+    )
+    facts = [
+        f"joint error at most {number_text(error['max'])} rad ({error['joint']})",
+        f"base error at most {number_text(1e3 * verdict['base_error_m']['max'])} mm",
+        f"torques at their limits {number_text(100 * torque['saturated_share'])} % of the time",
+    ]
+    if inside is not None:
+        facts.append(f"ZMP inside {number_text(100 * inside)} %")
+    return f"{text}\n  {', '.join(facts)}"
+
+
 def _rows(figures: Mapping[str, Any], group: str) -> Iterator[list[str]]:
     for key, figure in figures.items():
         name, unit = split_unit(str(key))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 from imitor.cli import common
 from imitor.cli.progress import Progress
-from imitor.cli.quality_table import quality_table
+from imitor.cli.quality_table import quality_table, simulation_text
 from imitor.errors import ImitorError
 from imitor.kinds import Source
 from imitor.registry import Registry
@@ -122,6 +122,8 @@ def _report(result: Any, *, quiet: bool) -> None:
         return
     if result.metrics:
         print(f"measured quality\n{quality_table(result.metrics, short=True)}")
+        if "simulation" in result.metrics:
+            print(simulation_text(result.metrics["simulation"]))
     print(f"{result.frames} frames in {result.out_dir}")
     for path in result.files:
         print(f"  {path.relative_to(result.out_dir) if path.is_relative_to(result.out_dir) else path}")

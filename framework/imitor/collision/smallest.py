@@ -8,6 +8,7 @@ r"""The smallest motion under linear inequalities, by non-negative least squares
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import nnls
 
 from imitor.types import Array
 
@@ -26,8 +27,6 @@ def smallest_motion(wish: Array, A: Array, b: Array, low: Array, high: Array, C:
         low, high: Box, shapes (n,), with low <= high.
         C, c: What shall stay, shapes (k, n) and (k,).
     """
-    from scipy.optimize import nnls
-
     n, m = len(wish), len(b)
     H = np.eye(n) + 1e6 * C.T @ C
     L = np.linalg.cholesky(H)
