@@ -1,6 +1,6 @@
 """Figures of the preset koenemann_2014: errors of hands and feet, balance, and time, in units of one 30x30 SVD.
 
-    python benchmarks/koenemann_2014.py [--robot nao_v4] [--frames N] [--set KEY=VALUE ...] [SCENARIO ...]
+    python benchmarks/papers/koenemann_2014.py [--robot nao_v4] [--frames N] [--set KEY=VALUE ...] [SCENARIO ...]
 
 Errors are distances to the targets of eq. 5 after all stages [koenemann2014], in the carrying link's axes; the margin
 is that of the CoM in the hull of sole corners at or under 3 mm. The unit is timed through the same run.
