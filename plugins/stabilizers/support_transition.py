@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import sqrt
 from typing import Any
 
 import numpy as np
 from pydantic import Field
 
-from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskStack, hookimpl
+from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
 from imitor.types import Array
 
 _FLAT_M = 1.5e-3
 """A sole whose corners are all this near the floor lies on it [m]."""
 _LEVEL = 0.02
 """A sole is level when its highest corner is no further above its lowest than this share of its size [-]."""
+
+_STRAIGHT = 0.97
+"""How much of the leg's length is used to stand [-]."""
 
 
 class SupportTransitionConfig(Config):
@@ -37,10 +41,13 @@ class SupportTransitionConfig(Config):
     )
     foot_speed_m_s: float = Field(0.3, gt=0, description="Largest speed of a free foot's reference [m/s].")
     foot_acceleration_m_s2: float = Field(
-        1.5, gt=0, description="Largest acceleration of a free foot's reference [m/s^2]."
+        1.0, gt=0, description="Largest acceleration of a free foot's reference [m/s^2]."
+    )
+    foot_turn_rad_s: float = Field(
+        2.0, gt=0, description="How fast a free foot is turned flat before it is lowered [rad/s]."
     )
     clearance_m: float = Field(
-        0.01, ge=0, description="Least height of a free sole's lowest corner over the floor [m]."
+        0.02, ge=0, description="Least height of a free sole's lowest corner over the floor [m]."
     )
     patience_s: float = Field(
         1.0,
@@ -70,11 +77,19 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
     The mapper is to stand on the robot's feet (`support: robot` of segment_scaling). When the human has no foot on the
     floor the robot finishes what it does and waits; a human who starts on one leg is followed by a transition from two
     feet; points that are lost leave the last targets.
+
+    The task `waist_height`, for a low level, keeps the trunk as high as when standing, or on two feet lower when the
+    human crouches: the paper leaves it to the gradients, but to stand on one deeply bent knee needs a strong motor.
     """
 
     name = "support_transition"
     wants = frozenset({"support"})
     needs_tasks = frozenset({"com", "left_foot", "right_foot"})
+    declares: Mapping[str, TaskKind] = {"waist_height": TaskKind.POSITION}  # type: ignore[misc]
+
+    def declare(self, stack: TaskStack) -> None:
+        """Declare the height of the waist."""
+        stack.declare("waist_height", TaskKind.POSITION, frame="waist")
 
     def start(self) -> None:
         """Load the region of landing and build the references."""
@@ -82,22 +97,26 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         from imitor.balance.follower import Follower
         from imitor.balance.foot_tasks import FootTasks
         from imitor.balance.landing import landing_region
-        from imitor.balance.offset import yaw, yaw_of
+        from imitor.balance.offset import tilt_left, yaw, yaw_of
         from imitor.balance.steps import HumanSteps
         from imitor.balance.swing import Swing
 
         config, robot = self.config, self.robot
         self._table, self._steps = transition.TABLE_I, transition.Step
-        self._yaw, self._yaw_of, self._foot_tasks = yaw, yaw_of, FootTasks
+        self._yaw, self._yaw_of, self._tilt = yaw, yaw_of, tilt_left
         self.machine = transition.TransitionMachine()
         self._free_yaw = robot.coupling is not None if config.free_yaw is None else config.free_yaw
         self.region = landing_region(robot, free_yaw=self._free_yaw)
         self._human = HumanSteps(robot)
         self._com = Follower(config.com_speed_m_s, config.com_acceleration_m_s2, self.dt_s)
+        self._height = Follower(config.com_speed_m_s, config.com_acceleration_m_s2, self.dt_s)
         self._swing = Swing(
             config.foot_speed_m_s, config.foot_acceleration_m_s2, config.patience_s, self.dt_s
         )
         self._feet = [FootTasks(robot, i) for i in range(2)]
+        lengths = robot.segment_lengths()
+        self._leg = _STRAIGHT * sum(lengths[f"left_{part}"] for part in ("thigh", "shank"))
+        self._waist_z, self._com_z = float(robot.position("waist")[2]), float(robot.com[2])
 
     def reset(self) -> None:
         """Stand on both feet, where the first frame has them."""
@@ -131,6 +150,11 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         com.target[:2] = self._com.step(self._com_goal())
         com.mask[:] = (True, True, False)
         com.active[0] = True
+        height = stack["waist_height"]
+        crouch = min(float(com.target[2]) - self._com_z, 0.0) if all(stack.contact) else 0.0
+        wish = min(self._waist_z + crouch, self._highest_waist())
+        height.target[2:] = self._height.step(np.array([wish]))
+        height.mask[:] = (False, False, True)
         self._write_ends(stack, row.ends)
 
     # ------------------------------------------------------------------ steps
@@ -145,6 +169,7 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         self.place[1][:2, 3] = (ankle - yaw @ right.sole_to_ankle)[:2]
         self.place[0][:2, 3] = self._landing_place(0)
         self._com.reset(self._com_goal())
+        self._height.reset(np.array([self._waist_z]))
 
     def _advance(self, frame: HumanFrame) -> None:
         """Go on to the next step where the robot has finished the present one."""
@@ -195,8 +220,9 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         ground = float(foot.sole_to_ankle[2])
         if step is self._steps.SINGLE:
             wish = foot.wished_ankle(stack)
-            wish[2] = max(float(wish[2]), foot.over_floor(self.config.clearance_m))
-            foot.swing(stack, swing.follow(wish))
+            lowest = foot.over_floor(self.config.clearance_m)
+            wish[2] = max(float(wish[2]), lowest)
+            foot.swing(stack, swing.follow(wish, lowest))
             return
         height = ground + self.config.lift_m
         if step is self._steps.LIFT:
@@ -205,9 +231,11 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
             lowest, highest = self._sole_heights(i)
             level = highest - lowest < _LEVEL * float(np.ptp(foot.corners[:, 0]))
             lead = (self.place[i][:3, :3] @ foot.sole_to_ankle)[:2]
+            height = max(height, foot.over_floor(self.config.clearance_m))
             ankle = swing.land(self.landing + lead, self.robot.position(foot.ankle_role), ground, height, level)
         self._turn_freely(i)
         pose = self.place[i].copy()
+        pose[:3, :3] = self._tilt(self.robot.rotation(foot.role), self.config.foot_turn_rad_s * self.dt_s) @ pose[:3, :3]
         pose[:3, 3] = ankle - pose[:3, :3] @ foot.sole_to_ankle
         foot.stand(stack, pose, free_yaw=self._free_yaw)
 
@@ -233,6 +261,19 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         foot = self._feet[i]
         heights = foot.corners @ self.robot.rotation(foot.role)[2] + self.robot.position(foot.role)[2]
         return float(heights.min()), float(heights.max())
+
+    def _highest_waist(self) -> float:
+        """Return how high the waist can be with both ankles in reach, the hips where they are, over the floor [m]."""
+        robot, free = self.robot, self.machine.free
+        waist = float(robot.position("waist")[2])
+        heights = []
+        for i, foot in enumerate(self._feet):
+            hip = robot.position(foot.hip_role)
+            ankle = self._swing.at if i == free else self._ankle_on_floor(i)
+            aside = hip[:2] - ankle[:2]
+            up = sqrt(max(self._leg**2 - float(aside @ aside), 0.0))
+            heights.append(waist - float(hip[2]) + float(ankle[2]) + up)
+        return min(heights)
 
     def _write_ends(self, stack: TaskStack, tracked: bool) -> None:
         """Free the hands in transitions; afterwards their gain rises from 0, so that they do not rush back."""

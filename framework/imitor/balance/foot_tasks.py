@@ -20,7 +20,7 @@ class FootTasks:
         side: 0 is left.
 
     Attributes:
-        role, ankle_role: Roles of the robot's frames of sole and ankle.
+        role, ankle_role, hip_role: Roles of the robot's frames of sole, ankle and hip.
         sole_to_ankle: The ankle in the sole's frame, shape (3,) [m].
         corners: Corners of the sole in its frame, shape (K, 3) [m].
     """
@@ -28,7 +28,8 @@ class FootTasks:
     def __init__(self, robot: RobotModel, side: int) -> None:
         name = SIDES[side]
         self._robot = robot
-        self.role, self.ankle_role, self._sole = f"{name}_foot", f"{name}_ankle", f"{name}_sole"
+        self.role, self.ankle_role, self.hip_role = f"{name}_foot", f"{name}_ankle", f"{name}_hip"
+        self._sole = f"{name}_sole"
         robot.update(robot.standing)
         self.sole_to_ankle: Array = robot.rotation(self.role).T @ (
             robot.position(self.ankle_role) - robot.position(self.role)

@@ -44,9 +44,13 @@ class Swing:
         """Go straight up to a height of the ankle [m]."""
         return self._follower.step(np.array([self._held[0], self._held[1], height]))
 
-    def follow(self, wish: Array) -> Array:
-        """Go where the mapper would have the ankle, shape (3,) [m]."""
-        return self._follower.step(wish)
+    def follow(self, wish: Array, lowest: float) -> Array:
+        """Go where the mapper would have the ankle, shape (3,) [m], at once so high that the sole clears the floor [m]."""
+        at = self._follower.step(wish)
+        if at[2] < lowest:
+            at[2] = lowest
+            self._follower.velocity[2] = max(float(self._follower.velocity[2]), 0.0)
+        return at
 
     def land(self, place: Array, actual: Array, ground: float, height: float, flat: bool) -> Array:
         """Go over a place, shape (2,) [m], then straight down to the ground.
