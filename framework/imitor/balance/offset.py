@@ -77,7 +77,9 @@ def tilt_left(R: Array, turn: float) -> Array:
         return np.eye(3)
     c, s, a, b = cos(angle), sin(angle), x / across, y / across  # about the horizontal axis (-b, a, 0)
     k = 1.0 - c
-    return np.array([[c + k * b * b, -k * a * b, s * a], [-k * a * b, c + k * a * a, s * b], [-s * a, -s * b, c]])
+    return np.array(
+        [[c + k * b * b, -k * a * b, s * a], [-k * a * b, c + k * a * a, s * b], [-s * a, -s * b, c]]
+    )
 
 
 def yaw_of(R: Array) -> float:
