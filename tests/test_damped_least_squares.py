@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imitor.errors import ImitorError
-from imitor.ik.limbs import CHAINS, LimbRows, LimitWeights, chain_joints, damped_step
+from imitor.ik.anchored import AnchoredRows
+from imitor.ik.limbs import CHAINS, LimitWeights, chain_joints, damped_step
 from imitor.plugins.solvers.damped_least_squares import DampedLeastSquares, DampedLeastSquaresConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskKind, TaskStack
@@ -180,7 +181,7 @@ def test_the_quick_loop_takes_the_same_steps(
     chains, out = ["left_arm", "right_arm", "left_leg", "right_leg"], []
     for quick in (True, False):
         if not quick:
-            monkeypatch.setattr(LimbRows, "fits", staticmethod(lambda *_: False))
+            monkeypatch.setattr(AnchoredRows, "fits", staticmethod(lambda *_: False))
         solver, stack, state = make(robot, chains=chains, tolerance=tolerance)
         aim(robot, stack, near(robot, 11, tuple(chains), 0.2))
         robot.update(state.q)

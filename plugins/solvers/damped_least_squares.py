@@ -23,8 +23,8 @@ from imitor import (
 from imitor.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
+    from imitor.ik.anchored import AnchoredRows
     from imitor.ik.layout import Layout
-    from imitor.ik.limbs import LimbRows, LimitWeights
 
 Chain = Literal["left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared"]
 Group = Literal["arms", "legs", "trunk", "head"]
@@ -81,13 +81,12 @@ class DampedLeastSquaresConfig(Config):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is worked out once for a layout: factors that make rows unit-free, errors allowed, the quick loop."""
+    """What is worked out once for a layout: factors that make rows unit-free, errors allowed, the quick loop's rows."""
 
     layout: Layout
     scale: Array
     allowed: Array | None
-    limbs: LimbRows | None
-    weights: LimitWeights
+    anchored: AnchoredRows | None
 
 
 class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
@@ -105,9 +104,9 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
 
     def prepare(self, stack: TaskStack) -> None:
         """Look up tasks and chains."""
+        from imitor.ik.anchored import AnchoredRows
         from imitor.ik.limbs import (
             GROUPS,
-            LimbRows,
             LimitWeights,
             Progress,
             chain_joints,
@@ -142,19 +141,17 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             rounds[chains[name]] = (
                 counts if isinstance(counts, int) else counts.get(group, counts.get("arms", 30))
             )
-        self._rounds = np.where(moved, rounds, 0)[self._pick]
+        self._rounds = self._coupled(np.where(moved, rounds, 0)[self._pick])
         self._settling = np.where(self._rounds > 0, config.settle_iterations, 0)
-        self._weights = LimitWeights(robot.lower[self._pick], robot.upper[self._pick])
+        self._weights = LimitWeights(robot.lower, robot.upper)
         self._inverse_length = 1.0 / limb_length(robot)
         self._plans: dict[int, Plan] = {}
-        self._limb_rows, self._limit_weights, self._progress = LimbRows, LimitWeights, Progress
+        self._anchored_rows, self._progress = AnchoredRows, Progress
         self._fast = robot.speed * self.dt_s if config.speed_limits else np.full(robot.n, np.inf)
 
     def reset(self) -> None:
         """Forget how near to their limits the joints were."""
         self._weights.reset()
-        for plan in self._plans.values():
-            plan.weights.reset()
 
     def step(self, stack: TaskStack, state: Configuration) -> None:
         """Solve one frame from where the last one ended."""
@@ -176,9 +173,9 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         self.spent = 0
         if layout.m == 0:
             return
-        plan = self._plans.get(id(layout)) or self._plan(layout)
-        if plan.limbs is not None:
-            self._iterate_limbs(plan.limbs, plan, q, bounds, rounds)
+        plan = self._plans.get(id(layout)) or self._plan(stack, layout)
+        if plan.anchored is not None:
+            self._iterate_anchored(plan.anchored, plan, q, bounds, rounds)
         else:
             self._iterate_rows(plan, stack, q, bounds, rounds)
         if stack.anchor:
@@ -191,7 +188,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         progress = self._progress(_PROGRESS, _PATIENCE)
         for k in range(int(rounds.max())):
             self._rows.assemble(layout)
-            if plan.allowed is not None and progress.ends(layout.e, plan.allowed):
+            if plan.allowed is not None and progress.ends(layout.e / plan.allowed):
                 return
             self._move(layout, plan.scale, q, rounds > k)
             np.minimum(np.maximum(joints, bounds[0]), bounds[1], out=joints)
@@ -200,29 +197,33 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
                 robot.place(q, stack.anchor, stack.anchor_pose)
             self.spent = k + 1
 
-    def _iterate_limbs(self, limbs: LimbRows, plan: Plan, q: Array, bounds: Bounds, rounds: IntArray) -> None:
-        """Iterate on positions of limbs alone: the same steps, fewer columns and no base."""
-        robot, chosen, joints = self.robot, limbs.joints, q[7:]
-        low, high, rounds = bounds[0][chosen], bounds[1][chosen], self._coupled(rounds)[chosen]
-        damping2, most, scale = self.config.damping**2, self.config.max_step_rad, self._inverse_length
-        weights, x = plan.weights, joints[chosen]
-        progress, last = self._progress(_PROGRESS, _PATIENCE), int(rounds.min())
-        limbs.begin()
-        for k in range(int(rounds.max())):
-            limbs.assemble()
-            if plan.allowed is not None and progress.ends(limbs.e, plan.allowed):
-                return
-            inverse = weights.inverse(x)
-            if k >= last:
-                inverse = inverse * (rounds > k)
-            limbs.J *= scale
-            step = self._damped_step(limbs.J, scale * limbs.e, inverse, damping2)
-            largest = float(np.abs(step).max())
-            if largest > most:
-                step *= most / largest
-            x = np.minimum(np.maximum(x + step, low), high)
-            joints[chosen] = x
-            robot.update(q)
+    def _iterate_anchored(
+        self, rows: AnchoredRows, plan: Plan, q: Array, bounds: Bounds, rounds: IntArray
+    ) -> None:
+        """Iterate on places and rotations while the base stays still: the same steps, placed once at the end."""
+        joints, weights, (low, high) = q[7:], self._weights, bounds
+        damping2, most = self.config.damping**2, self.config.max_step_rad
+        progress, relative = self._progress(_PROGRESS, _PATIENCE), plan.allowed
+        changes = {int(k) for k in rounds}
+        rows.begin()
+        for k in range(max(changes)):
+            if k == 0 or k in changes:
+                rows.hold(rounds > k)
+                if plan.allowed is not None:
+                    relative = rows.served / plan.allowed
+            rows.assemble(q)
+            if relative is not None and progress.ends(rows.e * relative):
+                break
+            inverse = weights.inverse(joints)
+            if rows.coupling is not None:
+                inverse = inverse[self._pick]
+            step = self._damped_step(rows.J, rows.e, inverse, damping2)
+            if rows.coupling is not None:
+                step = rows.coupling.dot(step)
+            if step.dot(step) > most * most:  # else no joint is over it either
+                step *= min(1.0, most / float(np.abs(step).max()))
+            np.add(joints, step, out=joints)
+            joints.clip(low, high, out=joints)
             self.spent = k + 1
 
     def _coupled(self, rounds: IntArray) -> IntArray:
@@ -231,25 +232,19 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             return rounds
         return np.asarray(rounds[np.abs(self._coupling).argmax(axis=1)])
 
-    def _plan(self, layout: Layout) -> Plan:
-        lengths = self._length_rows(layout)
-        tolerance = self.config.tolerance
+    def _plan(self, stack: TaskStack, layout: Layout) -> Plan:
+        lengths, tolerance, moved = self._length_rows(layout), self.config.tolerance, self._rounds > 0
         allowed: Array | None = None
         if tolerance is not None:
             allowed = np.where(lengths, tolerance.position_m, tolerance.orientation_rad)
             allowed = allowed if layout.root_weight is None else allowed * layout.root_weight
-        limbs = None
-        moved = self._coupled(self._rounds) > 0
-        if self._limb_rows.fits(self.robot, layout, moved):
-            limbs = self._limb_rows(self.robot, layout, moved)
-        low, high = self.robot.lower[moved], self.robot.upper[moved]
-        plan = Plan(
-            layout,
-            np.where(lengths, self._inverse_length, 1.0),
-            allowed,
-            limbs,
-            self._limit_weights(low, high),
-        )
+        anchored = None
+        if self._anchored_rows.fits(layout, moved):
+            anchored = self._anchored_rows(self.robot, layout, stack, moved, self._inverse_length)
+            if tolerance is not None:
+                places = anchored.places
+                allowed = anchored.scale * np.where(places, tolerance.position_m, tolerance.orientation_rad)
+        plan = Plan(layout, np.where(lengths, self._inverse_length, 1.0), allowed, anchored)
         self._plans[id(layout)] = plan
         return plan
 
@@ -262,7 +257,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             J = np.hstack([J[:, :first], J[:, first:] @ self._coupling])
         J, e, damping2 = J * scale[:, None], layout.e * scale, self.config.damping**2
         pick, inverse = self._pick, np.ones(J.shape[1])
-        inverse[first:] = self._weights.inverse(joints[pick]) * free
+        inverse[first:] = (self._weights.inverse(joints) * free)[pick]
         step = self._damped_step(J, e, inverse, damping2)
         largest = float(np.abs(step[first:]).max(initial=0.0))
         if largest > self.config.max_step_rad:

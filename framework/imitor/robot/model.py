@@ -339,6 +339,18 @@ class RobotModel:
         pin.updateFramePlacements(model, data)
         pin.jacobianCenterOfMass(model, data, False)
 
+    def update_frames(self, q: Array, frames: Sequence[int]) -> None:
+        """Bring the Jacobians and some frames alone to a configuration; an `update` must follow.
+
+        Args:
+            q: Configuration, shape (nq,).
+            frames: Pinocchio frames, of `frame_id`.
+        """
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        for frame in frames:
+            pin.updateFramePlacement(model, data, frame)
+
     def is_at(self, role: str, pose: Array) -> bool:
         """Tell whether a role's frame has a pose, world from frame, to 1e-9 m and rad, at the last `update`."""
         off = (
