@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -32,8 +33,10 @@ Count = Annotated[int, Field(ge=1, le=5000)]
 Weight = Annotated[float, Field(gt=0)]
 _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE)
 Bounds = tuple[Array, Array]
-_PROGRESS, _PATIENCE = 0.98, 6
+_PROGRESS, _PATIENCE = 0.98, 3
 """With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
+_LEAST = 1e-3
+"""Least share of the squared damping [-]."""
 
 
 class Tolerance(Config):
@@ -54,6 +57,12 @@ class DampedLeastSquaresConfig(Config):
 
     damping: float = Field(
         0.3, gt=0, description="Damping lambda; positions are measured in leg lengths, so it has no unit [-]."
+    )
+    full_damping_error: float | None = Field(
+        None,
+        gt=0,
+        description="Norm of the errors from which on the damping is full, in leg lengths and rad; below it the squared "
+        "damping falls in proportion, so that the last steps are quick; none: it is constant [-].",
     )
     iterations: Count | Mapping[Group, Count] = Field(
         default_factory=_paper_iterations,
@@ -166,24 +175,22 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         self.reset()
 
     def _iterate(self, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
-        robot = self.robot
-        if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
-            robot.place(q, stack.anchor, stack.anchor_pose)
-        layout = self._rows.layout()
+        robot, layout = self.robot, self._rows.layout()
         self.spent = 0
-        if layout.m == 0:
-            return
-        plan = self._plans.get(id(layout)) or self._plan(stack, layout)
-        if plan.anchored is not None:
-            self._iterate_anchored(plan.anchored, plan, q, bounds, rounds)
-        else:
-            self._iterate_rows(plan, stack, q, bounds, rounds)
+        if layout.m > 0:
+            plan = self._plans.get(id(layout)) or self._plan(stack, layout)
+            if plan.anchored is not None:
+                self._iterate_anchored(plan.anchored, plan, q, bounds, rounds)
+            else:
+                self._iterate_rows(plan, stack, q, bounds, rounds)
         if stack.anchor:
             robot.place(q, stack.anchor, stack.anchor_pose)
 
     def _iterate_rows(self, plan: Plan, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
         """Iterate on rows of any kind."""
         robot, joints, layout = self.robot, q[7:], plan.layout
+        if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
+            robot.place(q, stack.anchor, stack.anchor_pose)
         in_world = bool(stack.anchor) and self._in_world(layout)
         progress = self._progress(_PROGRESS, _PATIENCE)
         for k in range(int(rounds.max())):
@@ -202,7 +209,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
     ) -> None:
         """Iterate on places and rotations while the base stays still: the same steps, placed once at the end."""
         joints, weights, (low, high) = q[7:], self._weights, bounds
-        damping2, most = self.config.damping**2, self.config.max_step_rad
+        most = self.config.max_step_rad
         progress, relative = self._progress(_PROGRESS, _PATIENCE), plan.allowed
         changes = {int(k) for k in rounds}
         rows.begin()
@@ -217,14 +224,24 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             inverse = weights.inverse(joints)
             if rows.coupling is not None:
                 inverse = inverse[self._pick]
-            step = self._damped_step(rows.J, rows.e, inverse, damping2)
+            step = self._damped_step(rows.J, rows.e, inverse, self._damping2(rows.e))
             if rows.coupling is not None:
                 step = rows.coupling.dot(step)
             if step.dot(step) > most * most:  # else no joint is over it either
                 step *= min(1.0, most / float(np.abs(step).max()))
             np.add(joints, step, out=joints)
-            joints.clip(low, high, out=joints)
+            np.maximum(joints, low, out=joints)
+            np.minimum(joints, high, out=joints)
             self.spent = k + 1
+        else:
+            self.robot.update(q)  # the anchor's place is needed where the last step has left it
+
+    def _damping2(self, e: Array) -> float:
+        """Return the squared damping at errors without unit; one that falls with them is [sugihara2011]'s."""
+        full, damping2 = self.config.full_damping_error, self.config.damping**2
+        if full is None:
+            return damping2
+        return damping2 * min(max(sqrt(e.dot(e)) / full, _LEAST), 1.0)
 
     def _coupled(self, rounds: IntArray) -> IntArray:
         """Return values of independent joints for all of them, shape (n,)."""
@@ -255,10 +272,10 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             J = J @ self._coupling
         elif self._coupling is not None:
             J = np.hstack([J[:, :first], J[:, first:] @ self._coupling])
-        J, e, damping2 = J * scale[:, None], layout.e * scale, self.config.damping**2
+        J, e = J * scale[:, None], layout.e * scale
         pick, inverse = self._pick, np.ones(J.shape[1])
         inverse[first:] = (self._weights.inverse(joints) * free)[pick]
-        step = self._damped_step(J, e, inverse, damping2)
+        step = self._damped_step(J, e, inverse, self._damping2(e))
         largest = float(np.abs(step[first:]).max(initial=0.0))
         if largest > self.config.max_step_rad:
             step *= self.config.max_step_rad / largest

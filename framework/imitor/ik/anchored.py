@@ -111,9 +111,10 @@ class AnchoredRows:
         root = np.ones(m) if layout.root_weight is None else layout.root_weight[rows]
         self.scale = root * np.where(self.places, inverse_length, 1.0)
         self._mask = layout.mask[rows] * moved * self.scale[:, None]
-        self._free = self._mask.copy()
-        self.served = np.ones(m, dtype=bool)
-        self._task_of_row = [p.task for p in parts for _ in p.rows]
+        self._free, self.served = self._mask, np.ones(m, dtype=bool)
+        names = stack.names
+        self._gain_of_row = np.array([names.index(p.task.name) for p in parts for _ in p.rows])
+        self._held: dict[bytes, tuple[Array, BoolArray]] = {}
 
         self._references = {p.reference: self._reference(p) for p in parts}
         self._moving = [r for r in self._references.values() if r.moves]
@@ -181,12 +182,15 @@ class AnchoredRows:
             shift.goal[:] = shift.reference.R.dot(shift.target) + shift.reference.p
         for turn in self._turns:
             turn.W[:] = turn.reference.R.T[turn.axes]
-        self._gains = self.scale * [task.gain[0] for task in self._task_of_row]
+        self._gains = self.scale * self._stack.flat_gain[self._gain_of_row]
 
     def hold(self, free: BoolArray) -> None:
         """Let only some of the joints move from now on, shape (n,)."""
-        np.multiply(self._mask, free, out=self._free)
-        self.served = self._free.any(axis=1)
+        key = free.tobytes()
+        if key not in self._held:
+            mask = self._mask * free
+            self._held[key] = mask, mask.any(axis=1)
+        self._free, self.served = self._held[key]
 
     def assemble(self, q: Array) -> None:
         """Fill errors and Jacobian at a configuration whose base stands where it stood at `begin`, shape (nq,)."""

@@ -106,7 +106,7 @@ class LimitWeights:
         np.multiply(q, self._slope, out=t)
         np.subtract(t, self._middle, out=t)
         np.absolute(t, out=t)
-        np.less_equal(t, self._last, out=self._inward)
+        np.less(t, self._last, out=self._inward)
         self._t, self._last = self._last, t
         near = np.minimum(t, self._most, out=inverse)
         np.multiply(near, near, out=d)
