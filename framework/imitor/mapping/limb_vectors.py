@@ -5,13 +5,15 @@ Order of every four-sided array: left hand, right hand, left foot, right foot.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot, sqrt
 from typing import Final
 
 import numpy as np
 
 from imitor.errors import RobotError, SourceError
-from imitor.ik.vectors import cross
+from imitor.ik.vectors import cross3
 from imitor.robot.model import RobotModel
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton
 
@@ -45,8 +47,9 @@ class HumanLimbs:
         self._skeleton = skeleton
         self._hand = "hand" if skeleton.has("left_hand", "right_hand") else "wrist"
         index = ROLE_INDEX
-        self._trunk = np.array([index[f"{s}_{r}"] for r in ("shoulder", "hip") for s in SIDES])
-        self._ends = np.array([index[f"{s}_{r}"] for r in (self._hand, "ankle") for s in SIDES])
+        starts = [index[f"{s}_{r}"] for r in ("shoulder", "hip") for s in SIDES]
+        ends = [index[f"{s}_{r}"] for r in (self._hand, "ankle") for s in SIDES]
+        self._roles = np.array(starts + ends)
         self.reset()
 
     def reset(self) -> None:
@@ -59,20 +62,29 @@ class HumanLimbs:
 
     def take(self, frame: HumanFrame) -> None:
         """Read a human frame."""
-        trunk_known = frame.valid[self._trunk]
+        known = frame.valid.take(self._roles)
         self.waist_seen = False
         self.seen = np.zeros(4, dtype=bool)
-        if not trunk_known.all():
+        if not known[:4].all():
             return
-        trunk, ends = frame.position[self._trunk], frame.position[self._ends]
-        middles = trunk.reshape(2, 2, 3).mean(axis=1)
-        axes = _axes(trunk[[0, 2]] - trunk[[1, 3]], middles[0] - middles[1])  # chest, waist
-        if axes is None:
+        points = frame.position.take(self._roles, axis=0)
+        left_shoulder, right_shoulder, left_hip, right_hip = points[:4].tolist()
+        mid_shoulder, mid_hip = _middle(left_shoulder, right_shoulder), _middle(left_hip, right_hip)
+        up = _minus(mid_shoulder, mid_hip)
+        chest = _axes(_minus(left_shoulder, right_shoulder), up)
+        waist = _axes(_minus(left_hip, right_hip), up)
+        if chest is None or waist is None:
             return
-        self.waist, self.waist_seen, self.mid_hip = axes[1], True, middles[1]
-        self.seen = frame.valid[self._ends].copy()
-        d = np.where(self.seen[:, None], ends - trunk, 0.0).reshape(2, 2, 3) @ axes
-        self.vectors = np.where(self.seen[:, None], d.reshape(4, 3), self.vectors)
+        axes = np.array([chest, waist])
+        self.waist, self.waist_seen, self.mid_hip = axes[1], True, np.array(mid_hip)
+        self.seen = known[4:]
+        limbs = points[4:] - points[:4]
+        if self.seen.all():
+            self.vectors = (limbs.reshape(2, 2, 3) @ axes).reshape(4, 3)
+        else:
+            limbs[~self.seen] = 0.0
+            seen = (limbs.reshape(2, 2, 3) @ axes).reshape(4, 3)
+            self.vectors = np.where(self.seen[:, None], seen, self.vectors)
 
     def t_pose_of_lengths(self) -> Array:
         """Return the T-pose that the segments of the rest pose make: arms sideways, legs straight, shape (4, 3) [m]."""
@@ -101,16 +113,22 @@ def looks_like_t_pose(vectors: Array, angle: float) -> bool:
     )
 
 
-def _axes(left: Array, up: Array) -> Array | None:
-    """Return rotations with y along each line and z as near as can be to ``up``, shape (2, 3, 3)."""
-    y_norm = np.linalg.norm(left, axis=1)
-    x = cross(left, up[None])
-    x_norm = np.linalg.norm(x, axis=1)
-    if not ((y_norm > 1e-6).all() and (x_norm > 1e-3 * y_norm).all()):
+def _middle(a: Sequence[float], b: Sequence[float]) -> Sequence[float]:
+    return [0.5 * (x + y) for x, y in zip(a, b, strict=True)]
+
+
+def _minus(a: Sequence[float], b: Sequence[float]) -> Sequence[float]:
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def _axes(left: Sequence[float], up: Sequence[float]) -> Sequence[Sequence[float]] | None:
+    """Return the rows of the rotation with y along a line and z as near as can be to ``up``, (3, 3)."""
+    forward = cross3(left, up)
+    y_norm, x_norm = hypot(*left), hypot(*forward)
+    if not (y_norm > 1e-6 and x_norm > 1e-3 * y_norm):
         return None
-    y = left / y_norm[:, None]
-    x /= x_norm[:, None]
-    return np.stack([x, y, cross(x, y)], axis=2)
+    y, x = [v / y_norm for v in left], [v / x_norm for v in forward]
+    return list(zip(x, y, cross3(x, y), strict=True))
 
 
 @dataclass(frozen=True)
@@ -165,7 +183,7 @@ class RobotLimbs:
                 sum(lengths.get(f"{side}_{s}", 0.0) for s in ("thigh", "shank")) + lengths["ankle_height"]
             )
         self.reference[2:] = _T_POSE[2:] * np.array(leg)[:, None]
-        self._most = np.array([*(reach * np.array(arm)), *(leg_reach * np.array(leg))])
+        self._most = [*(reach * a for a in arm), *(leg_reach * length for length in leg)]
 
     def _use_card_vectors(self, robot: RobotModel, lengths: dict[str, float]) -> None:
         vectors = robot.card.reference_vectors
@@ -179,8 +197,12 @@ class RobotLimbs:
 
     def within_reach(self, vectors: Array) -> Array:
         """Return limb vectors no longer than the robot's limbs are used, shape (4, 3) [m]."""
-        length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-        return np.asarray(vectors * np.minimum(1.0, self._most / np.maximum(length, 1e-9))[:, None])
+        out = vectors.copy()
+        for row, most in zip(out, self._most, strict=True):
+            length = sqrt(row.dot(row))
+            if length > most:
+                row *= most / length
+        return out
 
 
 def _seen_from(robot: RobotModel, carrier: str, role: str) -> Array:
