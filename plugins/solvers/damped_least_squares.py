@@ -35,8 +35,8 @@ _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind
 Bounds = tuple[Array, Array]
 _PROGRESS, _PATIENCE = 0.98, 3
 """With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
-_LEAST = 1e-3
-"""Least share of the squared damping [-]."""
+_LEAST = 0.1
+"""Least share of the squared damping that is left near the target [-]: less would step through stretched knees."""
 
 
 class Tolerance(Config):
@@ -62,7 +62,7 @@ class DampedLeastSquaresConfig(Config):
         None,
         gt=0,
         description="Norm of the errors from which on the damping is full, in leg lengths and rad; below it the squared "
-        "damping falls in proportion, so that the last steps are quick; none: it is constant [-].",
+        "damping falls in proportion, down to a tenth, so that the last steps are quick; none: it is constant [-].",
     )
     iterations: Count | Mapping[Group, Count] = Field(
         default_factory=_paper_iterations,
@@ -96,6 +96,20 @@ class Plan:
     scale: Array
     allowed: Array | None
     anchored: AnchoredRows | None
+
+
+class Rounds:
+    """How many iterations each joint takes part in.
+
+    Attributes:
+        counts: By joint, shape (n,).
+        most: Of any joint.
+        free: Where the joints that move change: iteration -> joints that move from then on, shape (n,).
+    """
+
+    def __init__(self, counts: IntArray) -> None:
+        self.counts, self.most = counts, int(counts.max())
+        self.free = {int(k): counts > k for k in {0, *counts.tolist()}}
 
 
 class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
@@ -150,8 +164,8 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             rounds[chains[name]] = (
                 counts if isinstance(counts, int) else counts.get(group, counts.get("arms", 30))
             )
-        self._rounds = self._coupled(np.where(moved, rounds, 0)[self._pick])
-        self._settling = np.where(self._rounds > 0, config.settle_iterations, 0)
+        self._rounds = Rounds(self._coupled(np.where(moved, rounds, 0)[self._pick]))
+        self._settling = Rounds(np.where(self._rounds.counts > 0, config.settle_iterations, 0))
         self._weights = LimitWeights(robot.lower, robot.upper)
         self._inverse_length = 1.0 / limb_length(robot)
         self._plans: dict[int, Plan] = {}
@@ -174,7 +188,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         self._iterate(stack, state.q, (self.robot.lower, self.robot.upper), self._settling)
         self.reset()
 
-    def _iterate(self, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
+    def _iterate(self, stack: TaskStack, q: Array, bounds: Bounds, rounds: Rounds) -> None:
         robot, layout = self.robot, self._rows.layout()
         self.spent = 0
         if layout.m > 0:
@@ -186,18 +200,18 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         if stack.anchor:
             robot.place(q, stack.anchor, stack.anchor_pose)
 
-    def _iterate_rows(self, plan: Plan, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
+    def _iterate_rows(self, plan: Plan, stack: TaskStack, q: Array, bounds: Bounds, rounds: Rounds) -> None:
         """Iterate on rows of any kind."""
         robot, joints, layout = self.robot, q[7:], plan.layout
         if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
             robot.place(q, stack.anchor, stack.anchor_pose)
         in_world = bool(stack.anchor) and self._in_world(layout)
         progress = self._progress(_PROGRESS, _PATIENCE)
-        for k in range(int(rounds.max())):
+        for k in range(rounds.most):
             self._rows.assemble(layout)
             if plan.allowed is not None and progress.ends(layout.e / plan.allowed):
                 return
-            self._move(layout, plan.scale, q, rounds > k)
+            self._move(layout, plan.scale, q, rounds.counts > k)
             np.minimum(np.maximum(joints, bounds[0]), bounds[1], out=joints)
             robot.update(q)
             if in_world:
@@ -205,17 +219,16 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             self.spent = k + 1
 
     def _iterate_anchored(
-        self, rows: AnchoredRows, plan: Plan, q: Array, bounds: Bounds, rounds: IntArray
+        self, rows: AnchoredRows, plan: Plan, q: Array, bounds: Bounds, rounds: Rounds
     ) -> None:
         """Iterate on places and rotations while the base stays still: the same steps, placed once at the end."""
         joints, weights, (low, high) = q[7:], self._weights, bounds
         most = self.config.max_step_rad
         progress, relative = self._progress(_PROGRESS, _PATIENCE), plan.allowed
-        changes = {int(k) for k in rounds}
         rows.begin()
-        for k in range(max(changes)):
-            if k == 0 or k in changes:
-                rows.hold(rounds > k)
+        for k in range(rounds.most):
+            if k in rounds.free:
+                rows.hold(rounds.free[k])
                 if plan.allowed is not None:
                     relative = rows.served / plan.allowed
             rows.assemble(q)
@@ -250,7 +263,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         return np.asarray(rounds[np.abs(self._coupling).argmax(axis=1)])
 
     def _plan(self, stack: TaskStack, layout: Layout) -> Plan:
-        lengths, tolerance, moved = self._length_rows(layout), self.config.tolerance, self._rounds > 0
+        lengths, tolerance, moved = self._length_rows(layout), self.config.tolerance, self._rounds.counts > 0
         allowed: Array | None = None
         if tolerance is not None:
             allowed = np.where(lengths, tolerance.position_m, tolerance.orientation_rad)

@@ -124,7 +124,8 @@ class AnchoredRows:
         ]
 
         self._error, self.e = np.zeros(m), np.zeros(m)
-        self._W, self.J = np.zeros((m, 6)), np.zeros((m, robot.n))
+        self._W, self._full = np.zeros((m, 6)), np.zeros((m, robot.n))
+        self.J = self._full
         self._spatial = robot.jacobian[:, BASE_NV:]
         self.coupling = _coupling(robot, moved)
         self._points, self._goals = np.ones(3 * n + 1), np.zeros((n, 3))
@@ -207,8 +208,8 @@ class AnchoredRows:
         if self._ends:
             self._assemble_places()
         np.multiply(self._error, self._gains, out=self.e)
-        J = np.dot(self._W, self._spatial)
-        J *= self._free
+        J = np.dot(self._W, self._spatial, out=self._full)
+        np.multiply(J, self._free, out=J)
         self.J = J if self.coupling is None else J.dot(self.coupling)
 
     def _assemble_places(self) -> None:

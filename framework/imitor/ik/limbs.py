@@ -93,7 +93,7 @@ class LimitWeights:
         self._slope, self._middle = 2.0 / span, (upper + lower) / span
         self._steep, self._most = 4.0 / span, 1.0 - 2.0 * _NEAREST / span
         self._t, self._last, self._d, self._inverse = (np.zeros_like(span) for _ in range(4))
-        self._inward = np.zeros(span.shape, dtype=bool)
+        self._inward, self._one = np.zeros(span.shape, dtype=bool), np.ones_like(span)
         self.reset()
 
     def reset(self) -> None:
@@ -110,12 +110,12 @@ class LimitWeights:
         self._t, self._last = self._last, t
         near = np.minimum(t, self._most, out=inverse)
         np.multiply(near, near, out=d)
-        np.subtract(1.0, d, out=d)
+        np.subtract(self._one, d, out=d)
         np.multiply(d, d, out=d)
         np.multiply(near, self._steep, out=inverse)
         np.add(inverse, d, out=inverse)
         np.divide(d, inverse, out=inverse)  # 1 / (1 + slope) for the slope steep t / d
-        np.copyto(inverse, 1.0, where=self._inward)
+        np.copyto(inverse, self._one, where=self._inward)
         return inverse
 
 

@@ -63,9 +63,10 @@ class HumanLimbs:
     def take(self, frame: HumanFrame) -> None:
         """Read a human frame."""
         known = frame.valid.take(self._roles)
+        starts_known = all(known[:4].tolist())
         self.waist_seen = False
         self.seen = np.zeros(4, dtype=bool)
-        if not known[:4].all():
+        if not starts_known:
             return
         points = frame.position.take(self._roles, axis=0)
         left_shoulder, right_shoulder, left_hip, right_hip = points[:4].tolist()
