@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from imitor.errors import ImitorError
 from imitor.ik.anchored import AnchoredRows
-from imitor.ik.limbs import CHAINS, LimitWeights, chain_joints, damped_step
+from imitor.ik.limbs import CHAINS, DampedStep, LimitWeights, chain_joints
 from imitor.plugins.solvers.damped_least_squares import DampedLeastSquares, DampedLeastSquaresConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskKind, TaskStack
@@ -74,7 +74,7 @@ def test_the_step_is_the_weighted_optimum(seed: int, n: int, damping: float) -> 
     J, e, inverse = rng.normal(size=(n, 7)), rng.normal(size=n), rng.uniform(0.1, 1.0, 7)
     W = np.diag(1.0 / inverse)
     expected = np.linalg.solve(J.T @ J + damping**2 * W, J.T @ e)  # minimises |J v - e|^2 + damping^2 v'Wv
-    np.testing.assert_allclose(damped_step(J, e, inverse, damping**2), expected, atol=1e-8)
+    np.testing.assert_allclose(DampedStep(n, 7)(J, e, inverse, damping**2), expected, atol=1e-8)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -85,10 +85,10 @@ def test_stacked_limbs_are_solved_each_by_itself(seed: int) -> None:
     J = np.zeros((12, 20))
     for i, (block, _, _) in enumerate(blocks):
         J[3 * i : 3 * i + 3, 5 * i : 5 * i + 5] = block
-    whole = damped_step(
+    whole = DampedStep(12, 20)(
         J, np.concatenate([b[1] for b in blocks]), np.concatenate([b[2] for b in blocks]), 0.09
     )
-    each = np.concatenate([damped_step(*block, 0.09) for block in blocks])
+    each = np.concatenate([DampedStep(3, 5)(*block, 0.09) for block in blocks])
     np.testing.assert_allclose(whole, each, atol=1e-12)
 
 

@@ -26,6 +26,7 @@ from imitor.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from imitor.ik.anchored import AnchoredRows
     from imitor.ik.layout import Layout
+    from imitor.ik.limbs import DampedStep
 
 Chain = Literal["left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared"]
 Group = Literal["arms", "legs", "trunk", "head"]
@@ -61,8 +62,8 @@ class DampedLeastSquaresConfig(Config):
     full_damping_error: float | None = Field(
         None,
         gt=0,
-        description="Norm of the errors from which on the damping is full, in leg lengths and rad; below it the squared "
-        "damping falls in proportion, down to a tenth, so that the last steps are quick; none: it is constant [-].",
+        description="Norm of the errors, in leg lengths and rad, from which on the damping is full; below it the "
+        "squared damping falls in proportion, to a tenth, so that the last steps are quick; none: it is constant [-].",
     )
     iterations: Count | Mapping[Group, Count] = Field(
         default_factory=_paper_iterations,
@@ -96,6 +97,7 @@ class Plan:
     scale: Array
     allowed: Array | None
     anchored: AnchoredRows | None
+    solve: DampedStep
 
 
 class Rounds:
@@ -130,11 +132,11 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         from imitor.ik.anchored import AnchoredRows
         from imitor.ik.limbs import (
             GROUPS,
+            DampedStep,
             LimitWeights,
             Progress,
             chain_joints,
             columns,
-            damped_step,
             in_world,
             length_rows,
             limb_length,
@@ -151,7 +153,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
                 raise ImitorError(
                     f"order: '{name}' is a {stack[name].kind} task; it serves {', '.join(_SERVED)}"
                 )
-        self._damped_step, self._length_rows, self._in_world = damped_step, length_rows, in_world
+        self._damped_step, self._length_rows, self._in_world = DampedStep, length_rows, in_world
         self._rows = TaskRows(robot, stack, [names], dict(config.weights))
         chains = chain_joints(robot)
         moved = columns(chains, config.chains)
@@ -211,7 +213,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             self._rows.assemble(layout)
             if plan.allowed is not None and progress.ends(layout.e / plan.allowed):
                 return
-            self._move(layout, plan.scale, q, rounds.counts > k)
+            self._move(plan, q, rounds.counts > k)
             np.minimum(np.maximum(joints, bounds[0]), bounds[1], out=joints)
             robot.update(q)
             if in_world:
@@ -237,7 +239,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             inverse = weights.inverse(joints)
             if rows.coupling is not None:
                 inverse = inverse[self._pick]
-            step = self._damped_step(rows.J, rows.e, inverse, self._damping2(rows.e))
+            step = plan.solve(rows.J, rows.e, inverse, self._damping2(rows.e))
             if rows.coupling is not None:
                 step = rows.coupling.dot(step)
             if step.dot(step) > most * most:  # else no joint is over it either
@@ -274,11 +276,16 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             if tolerance is not None:
                 places = anchored.places
                 allowed = anchored.scale * np.where(places, tolerance.position_m, tolerance.orientation_rad)
-        plan = Plan(layout, np.where(lengths, self._inverse_length, 1.0), allowed, anchored)
+        m, n = layout.J.shape if anchored is None else anchored.J.shape
+        if self._coupling is not None and (anchored is None or anchored.coupling is not None):
+            n += self._coupling.shape[1] - self._coupling.shape[0]
+        scale = np.where(lengths, self._inverse_length, 1.0)
+        plan = Plan(layout, scale, allowed, anchored, self._damped_step(m, n))
         self._plans[id(layout)] = plan
         return plan
 
-    def _move(self, layout: Layout, scale: Array, q: Array, free: BoolArray) -> None:
+    def _move(self, plan: Plan, q: Array, free: BoolArray) -> None:
+        layout, scale = plan.layout, plan.scale
         first, joints = layout.first, q[7:]
         J = layout.J
         if self._coupling is not None and first == 0:
@@ -288,7 +295,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         J, e = J * scale[:, None], layout.e * scale
         pick, inverse = self._pick, np.ones(J.shape[1])
         inverse[first:] = (self._weights.inverse(joints) * free)[pick]
-        step = self._damped_step(J, e, inverse, self._damping2(e))
+        step = plan.solve(J, e, inverse, self._damping2(e))
         largest = float(np.abs(step[first:]).max(initial=0.0))
         if largest > self.config.max_step_rad:
             step *= self.config.max_step_rad / largest

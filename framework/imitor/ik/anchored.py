@@ -22,7 +22,7 @@ import pinocchio as pin
 from imitor.ik.layout import WORLD, Layout, Part
 from imitor.robot.model import BASE_NV, RobotModel
 from imitor.tasks import TaskKind, TaskStack
-from imitor.types import Array, BoolArray
+from imitor.types import Array, BoolArray, IntArray
 
 
 @dataclass
@@ -74,7 +74,7 @@ class Turn:
 
     target: Array
     R: Array
-    axes: slice | Array
+    axes: slice | IntArray
     e: Array
     W: Array
     reference: Reference
@@ -155,7 +155,9 @@ class AnchoredRows:
         robot, world = self._robot, part.reference == WORLD
         role = self._stack.anchor if world else part.task.relative_to
         R, p = robot.rotation(role), robot.position(role)
-        return Reference(self._moves(role), R, p, R, p, np.eye(3) if world else None, np.zeros(3) if world else None)
+        return Reference(
+            self._moves(role), R, p, R, p, np.eye(3) if world else None, np.zeros(3) if world else None
+        )
 
     def _shift(self, part: Part, goal: Array) -> Shift:
         task = part.task

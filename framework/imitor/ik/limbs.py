@@ -135,21 +135,32 @@ def in_world(layout: Layout) -> bool:
     return not relative or layout.com is not None or layout.directions is not None
 
 
-def damped_step(J: Array, e: Array, inverse: Array, damping2: float) -> Array:
-    """Return the weighted damped step.
+class DampedStep:
+    """The weighted damped step of Jacobians of one shape, in arrays that are kept.
 
     Args:
-        J: Jacobian, shape (m, n).
-        e: Errors to remove, shape (m,).
-        inverse: Diagonal of W^-1, shape (n,); 0 holds a joint still.
-        damping2: Squared damping, greater than 0.
+        m, n: Shape of the Jacobian.
     """
-    weighted = J * inverse
-    gram = weighted.dot(J.T)
-    diagonal = gram.reshape(-1)[:: e.shape[0] + 1]
-    diagonal += damping2
-    _, y, _ = dposv(gram.T, e, 1, 1)  # symmetric, so the transpose is the same in the order of LAPACK
-    return np.asarray(y.dot(weighted))
+
+    def __init__(self, m: int, n: int) -> None:
+        self._weighted, self._gram = np.zeros((m, n)), np.zeros((m, m), order="F")
+        self._diagonal = self._gram.reshape(-1, order="F")[:: m + 1]
+
+    def __call__(self, J: Array, e: Array, inverse: Array, damping2: float) -> Array:
+        """Return the step, shape (n,).
+
+        Args:
+            J: Jacobian, shape (m, n).
+            e: Errors to remove, shape (m,).
+            inverse: Diagonal of W^-1, shape (n,); 0 holds a joint still.
+            damping2: Squared damping, greater than 0.
+        """
+        weighted, gram, diagonal = self._weighted, self._gram, self._diagonal
+        np.multiply(J, inverse, out=weighted)
+        np.dot(J, weighted.T, out=gram.T)
+        np.add(diagonal, damping2, out=diagonal)
+        _, y, _ = dposv(gram, e, 1, 1)  # the lower triangle, in place
+        return np.asarray(y.dot(weighted))
 
 
 def columns(chains: dict[str, BoolArray], names: Sequence[str]) -> BoolArray:

@@ -199,10 +199,10 @@ class RobotLimbs:
     def within_reach(self, vectors: Array) -> Array:
         """Return limb vectors no longer than the robot's limbs are used, shape (4, 3) [m]."""
         out = vectors.copy()
-        for row, most in zip(out, self._most, strict=True):
-            length = sqrt(row.dot(row))
+        for i, most in enumerate(self._most):
+            length = sqrt(vectors[i].dot(vectors[i]))
             if length > most:
-                row *= most / length
+                out[i] *= most / length
         return out
 
 
