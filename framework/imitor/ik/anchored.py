@@ -14,6 +14,7 @@ the base's axes: they are those of `imitor.ik.rows.TaskRows` turned as a whole, 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,12 +46,11 @@ class Reference:
     c: Array | None = None
 
     def begin(self, stack: TaskStack) -> None:
-        """Read the anchor's pose of this frame, and the pose at the robot's last update."""
+        """Read the anchor's pose of this frame."""
         if self.C is not None:
             pose = stack.anchor_pose
             self.C = pose[:3, :3].T
             self.c = -self.C.dot(pose[:3, 3])
-        self.update()
 
     def update(self) -> None:
         """Read the pose at the robot's last update."""
@@ -78,6 +78,9 @@ class Turn:
     e: Array
     W: Array
     reference: Reference
+
+
+Measured = tuple[Reference, list[Shift], list[Turn]]
 
 
 class AnchoredRows:
@@ -117,7 +120,6 @@ class AnchoredRows:
         self._held: dict[bytes, tuple[Array, BoolArray]] = {}
 
         self._references = {p.reference: self._reference(p) for p in parts}
-        self._moving = [r for r in self._references.values() if r.moves]
         roles = [p.task.frame for p in parts] + [p.task.relative_to for p in parts if p.task.relative_to]
         self._frames = [
             robot.frame_id(role) for role in dict.fromkeys([*roles, stack.anchor]) if self._moves(role)
@@ -138,7 +140,12 @@ class AnchoredRows:
         for part in turns:
             self._turns.append(self._turn(part, slice(at, at + len(part.rows))))
             at += len(part.rows)
-        self._shifts_that_move = [s for s in self._shifts if s.reference.moves]
+        measured = [
+            (r, [s for s in self._shifts if s.reference is r], [t for t in self._turns if t.reference is r])
+            for r in self._references.values()
+        ]
+        self._still: list[Measured] = [x for x in measured if not x[0].moves]
+        self._moving: list[Measured] = [x for x in measured if x[0].moves]
 
     @staticmethod
     def fits(layout: Layout, moved: BoolArray) -> bool:
@@ -181,10 +188,7 @@ class AnchoredRows:
         """Take the targets of this frame to the still base, at the robot's last update."""
         for reference in self._references.values():
             reference.begin(self._stack)
-        for shift in self._shifts:
-            shift.goal[:] = shift.reference.R.dot(shift.target) + shift.reference.p
-        for turn in self._turns:
-            turn.W[:] = turn.reference.R.T[turn.axes]
+        self._place(self._still)
         self._gains = self.scale * self._stack.flat_gain[self._gain_of_row]
 
     def hold(self, free: BoolArray) -> None:
@@ -198,21 +202,25 @@ class AnchoredRows:
     def assemble(self, q: Array) -> None:
         """Fill errors and Jacobian at a configuration whose base stands where it stood at `begin`, shape (nq,)."""
         self._robot.update_frames(q, self._frames)
-        for reference in self._moving:
-            reference.update()
-        for shift in self._shifts_that_move:
-            shift.goal[:] = shift.reference.R.dot(shift.target) + shift.reference.p
+        self._place(self._moving)
         for turn in self._turns:
-            R = turn.reference.R
-            if turn.reference.moves:
-                turn.W[:] = R.T[turn.axes]
-            turn.e[:] = pin.log3(turn.target.dot(turn.R.T).dot(R))[turn.axes]
+            turn.e[:] = pin.log3(turn.target.dot(turn.R.T).dot(turn.reference.R))[turn.axes]
         if self._ends:
             self._assemble_places()
         np.multiply(self._error, self._gains, out=self.e)
         J = np.dot(self._W, self._spatial, out=self._full)
         np.multiply(J, self._free, out=J)
         self.J = J if self.coupling is None else J.dot(self.coupling)
+
+    @staticmethod
+    def _place(measured: Sequence[Measured]) -> None:
+        """Read where references are, and take what is measured from them to the axes of the base."""
+        for reference, shifts, turns in measured:
+            reference.update()
+            for shift in shifts:
+                np.add(reference.R.dot(shift.target), reference.p, out=shift.goal)
+            for turn in turns:
+                turn.W[:] = reference.R.T[turn.axes]
 
     def _assemble_places(self) -> None:
         for point, end in self._ends:

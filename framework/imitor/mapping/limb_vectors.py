@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import hypot
 from typing import Final
 
 import numpy as np
@@ -198,12 +198,11 @@ class RobotLimbs:
 
     def within_reach(self, vectors: Array) -> Array:
         """Return limb vectors no longer than the robot's limbs are used, shape (4, 3) [m]."""
-        out = vectors.copy()
-        for i, most in enumerate(self._most):
-            length = sqrt(vectors[i].dot(vectors[i]))
-            if length > most:
-                out[i] *= most / length
-        return out
+        lengths = [hypot(*v) for v in vectors.tolist()]
+        shares = [
+            min(1.0, most / max(length, 1e-9)) for length, most in zip(lengths, self._most, strict=True)
+        ]
+        return np.asarray(vectors * np.array(shares)[:, None])
 
 
 def _seen_from(robot: RobotModel, carrier: str, role: str) -> Array:
