@@ -252,7 +252,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             self.robot.update(q)  # the anchor's place is needed where the last step has left it
 
     def _damping2(self, e: Array) -> float:
-        """Return the squared damping at errors without unit; one that falls with them is [sugihara2011]'s."""
+        """Return the squared damping at errors without unit; that it may fall with them is after [sugihara2011]."""
         full, damping2 = self.config.full_damping_error, self.config.damping**2
         if full is None:
             return damping2
