@@ -26,7 +26,7 @@ from imitor.types import Array, BoolArray, IntArray
 if TYPE_CHECKING:
     from imitor.ik.anchored import AnchoredRows
     from imitor.ik.layout import Layout
-    from imitor.ik.limbs import DampedStep
+    from imitor.ik.limbs import DampedStep, Rounds
 
 Chain = Literal["left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared"]
 Group = Literal["arms", "legs", "trunk", "head"]
@@ -100,20 +100,6 @@ class Plan:
     solve: DampedStep
 
 
-class Rounds:
-    """How many iterations each joint takes part in.
-
-    Attributes:
-        counts: By joint, shape (n,).
-        most: Of any joint.
-        free: Where the joints that move change: iteration -> joints that move from then on, shape (n,).
-    """
-
-    def __init__(self, counts: IntArray) -> None:
-        self.counts, self.most = counts, int(counts.max())
-        self.free = {int(k): counts > k for k in {0, *counts.tolist()}}
-
-
 class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
     """Damped least squares per chain, avoiding joint limits by weights [koenemann2014] section IV-B (K2).
 
@@ -135,6 +121,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             DampedStep,
             LimitWeights,
             Progress,
+            Rounds,
             chain_joints,
             columns,
             in_world,

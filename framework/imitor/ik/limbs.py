@@ -13,6 +13,8 @@ away, with
 .. math::
     \frac{\partial H}{\partial q_i} =
     \frac{(q_u - q_l)^2 (2 q - q_u - q_l)}{4 (q_u - q)^2 (q - q_l)^2}.
+
+A joint that rests keeps its weight: on its limit it would take a share of every step and lose it there.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from scipy.linalg.lapack import dposv
 
 from imitor.ik.layout import WORLD, Layout
 from imitor.robot.model import BASE_NV, RobotModel
-from imitor.types import SIDES, Array, BoolArray
+from imitor.types import SIDES, Array, BoolArray, IntArray
 
 CHAINS: Final = ("left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared")
 GROUPS: Final = {
@@ -166,6 +168,20 @@ class DampedStep:
 def columns(chains: dict[str, BoolArray], names: Sequence[str]) -> BoolArray:
     """Return the joints of some chains, shape (n,)."""
     return np.asarray(np.any([chains[name] for name in names], axis=0))
+
+
+class Rounds:
+    """How many iterations each joint takes part in.
+
+    Attributes:
+        counts: By joint, shape (n,).
+        most: Of any joint.
+        free: Where the joints that move change: iteration -> joints that move from then on, shape (n,).
+    """
+
+    def __init__(self, counts: IntArray) -> None:
+        self.counts, self.most = counts, int(counts.max())
+        self.free = {int(k): counts > k for k in {0, *counts.tolist()}}
 
 
 class Progress:
