@@ -69,15 +69,15 @@ class HumanLimbs:
         if not starts_known:
             return
         points = frame.position.take(self._roles, axis=0)
-        left_shoulder, right_shoulder, left_hip, right_hip = points[:4].tolist()
-        mid_shoulder, mid_hip = _middle(left_shoulder, right_shoulder), _middle(left_hip, right_hip)
-        up = _minus(mid_shoulder, mid_hip)
-        chest = _axes(_minus(left_shoulder, right_shoulder), up)
-        waist = _axes(_minus(left_hip, right_hip), up)
+        trunk = points[:4].reshape(2, 2, 3)  # shoulders and hips, left and right
+        middles = 0.5 * (trunk[:, 0] + trunk[:, 1])
+        across_chest, across_waist = (trunk[:, 0] - trunk[:, 1]).tolist()
+        up = (middles[0] - middles[1]).tolist()
+        chest, waist = _axes(across_chest, up), _axes(across_waist, up)
         if chest is None or waist is None:
             return
-        axes = np.array([chest, waist])
-        self.waist, self.waist_seen, self.mid_hip = axes[1], True, np.array(mid_hip)
+        axes = np.array(chest + waist).reshape(2, 3, 3)
+        self.waist, self.waist_seen, self.mid_hip = axes[1], True, middles[1]
         self.seen = known[4:]
         limbs = points[4:] - points[:4]
         if self.seen.all():
@@ -114,22 +114,16 @@ def looks_like_t_pose(vectors: Array, angle: float) -> bool:
     )
 
 
-def _middle(a: Sequence[float], b: Sequence[float]) -> Sequence[float]:
-    return [0.5 * (x + y) for x, y in zip(a, b, strict=True)]
-
-
-def _minus(a: Sequence[float], b: Sequence[float]) -> Sequence[float]:
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def _axes(left: Sequence[float], up: Sequence[float]) -> Sequence[Sequence[float]] | None:
-    """Return the rows of the rotation with y along a line and z as near as can be to ``up``, (3, 3)."""
+def _axes(left: Sequence[float], up: Sequence[float]) -> tuple[float, ...] | None:
+    """Return the rotation with y along a line and z as near as can be to ``up``, its nine entries row by row."""
     forward = cross3(left, up)
     y_norm, x_norm = hypot(*left), hypot(*forward)
     if not (y_norm > 1e-6 and x_norm > 1e-3 * y_norm):
         return None
-    y, x = [v / y_norm for v in left], [v / x_norm for v in forward]
-    return list(zip(x, y, cross3(x, y), strict=True))
+    y = y0, y1, y2 = left[0] / y_norm, left[1] / y_norm, left[2] / y_norm
+    x = x0, x1, x2 = forward[0] / x_norm, forward[1] / x_norm, forward[2] / x_norm
+    z0, z1, z2 = cross3(x, y)
+    return x0, y0, z0, x1, y1, z1, x2, y2, z2
 
 
 @dataclass(frozen=True)
