@@ -116,6 +116,7 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         self._feet = [FootTasks(robot, i) for i in range(2)]
         lengths = robot.segment_lengths()
         self._leg = _STRAIGHT * sum(lengths[f"left_{part}"] for part in ("thigh", "shank"))
+        self._waist_over_hip = float(robot.position("waist")[2] - robot.position("left_hip")[2])
         self._waist_z, self._com_z = float(robot.position("waist")[2]), float(robot.com[2])
 
     def reset(self) -> None:
@@ -267,16 +268,17 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         return float(heights.min()), float(heights.max())
 
     def _highest_waist(self) -> float:
-        """Return how high the waist can be with both ankles in reach, the hips where they are, over the floor [m]."""
-        robot, free = self.robot, self.machine.free
-        waist = float(robot.position("waist")[2])
-        heights = []
+        """Return how high the waist can be with the feet on the ground in reach of the hips as they are [m]."""
+        machine, heights = self.machine, []
         for i, foot in enumerate(self._feet):
-            hip = robot.position(foot.hip_role)
-            ankle = self._swing.at if i == free else self._ankle_on_floor(i)
+            if i == machine.free and machine.step is not self._steps.LOWER:
+                continue
+            hip, ankle = self.robot.position(foot.hip_role), self._ankle_on_floor(i)
+            if i == machine.free:
+                ankle = self._swing.at
             aside = hip[:2] - ankle[:2]
             up = sqrt(max(self._leg**2 - float(aside @ aside), 0.0))
-            heights.append(waist - float(hip[2]) + float(ankle[2]) + up)
+            heights.append(float(ankle[2]) + up + self._waist_over_hip)
         return min(heights)
 
     def _write_ends(self, stack: TaskStack, tracked: bool) -> None:
