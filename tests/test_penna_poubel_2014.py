@@ -63,7 +63,6 @@ def steps() -> list[dict[str, Any]]:
                 "landing": stabilizer(pipeline).landing.copy(),
                 "anchor": record.stack.anchor,
                 "hands": bool(record.stack["left_hand"].active[0]),
-                "human": dataclasses.replace(record.human.support),
             }
         )
     return out
@@ -183,6 +182,7 @@ def sitting(i: int, frame: HumanFrame) -> HumanFrame:
     upper = frame.position[:, 2] > knee + 0.05
     frame.position[upper, 2] -= drop
     frame.position[upper, 0] -= share * 0.35
+    assert frame.com is not None
     return dataclasses.replace(frame, com=frame.com - [0.1 * share, 0.0, 0.8 * drop])
 
 

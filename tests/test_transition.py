@@ -20,7 +20,9 @@ SUPPORTS = (Support(True, True), Support(True, False), Support(False, True), Sup
 @given(
     st.lists(st.tuples(st.sampled_from(SUPPORTS), st.booleans(), st.booleans(), st.booleans()), max_size=80)
 )
-def test_a_foot_lifts_only_after_the_com_has_arrived_over_the_other(frames: list[tuple]) -> None:
+def test_a_foot_lifts_only_after_the_com_has_arrived_over_the_other(
+    frames: list[tuple[Support | None, bool, bool, bool]],
+) -> None:
     machine = TransitionMachine()
     for support, com_there, foot_up, foot_down in frames:
         before, stance = machine.step, machine.stance
