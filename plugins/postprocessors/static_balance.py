@@ -39,9 +39,8 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
     A pose that does is left as it is, to the last bit. Of another one the legs are moved by as little as it takes,
     within what their speed allows from the last command; where that is not enough, half and a quarter of the way from
     the last command to the pose are tried; where nothing helps, the last command is repeated and the frame is marked
-    as held. A foot in contact since the last command stays at its place on the floor, or slides no faster than
-    `slide_m_s` to where the pose has it; a foot that comes into contact is brought down flat, in as many frames as its
-    speed takes.
+    as held. A foot in contact stays at its place on the floor, or slides no faster than `slide_m_s` to where the pose
+    has it; a foot that comes into contact is brought down flat, in as many frames as its speed takes.
 
     Acts while the anchor is a foot in contact; other poses are left as they are.
     """
@@ -77,7 +76,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         for i in range(2):
             way = places[i] - before[i]
             length = float(np.hypot(*way))
-            if stood[i] and length > self._slide:
+            if contact[i] and length > self._slide:
                 places[i] = before[i] + self._slide / length * way
         bounds, com = self._bounds(last), self._com_target(stack)
         legs = self._legs
@@ -89,7 +88,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
             if last is not None:
                 self._go(stack, q, last, share * self._reachable(wanted, last), wanted)
             if share < 1.0:
-                places = [b if s else p for b, p, s in zip(before, places, stood, strict=True)]
+                places = [b if c else p for b, p, c in zip(before, places, contact, strict=True)]
             legs.solve(q, anchor, stack.anchor_pose, contact, places, com, bounds)
             if legs.stands(stood, places):
                 return

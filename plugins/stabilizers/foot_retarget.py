@@ -56,8 +56,8 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
     A foot that the human has lifted, or both in flight, while the robot still needs it, stays where it stands on the
     floor: the pose that the human's raised leg asks for is none to stand in.
 
-    A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it counts
-    as in contact only once the robot's own sole was on the floor at the last command.
+    A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it is in
+    contact when that is over.
     """
 
     name = "foot_retarget"
