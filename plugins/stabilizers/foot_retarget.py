@@ -98,7 +98,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         offset = min(max(offset, 0.0), 1.0) if all(wanted) else float(wanted[1])
         self._choose_support(wanted, offset, first=state.sent is None)
         planted = self._planted(frame, wanted)
-        standing = self._kept(places) if any(planted) else self._double(com, places, offset)
+        standing = self._kept(places, planted) if any(planted) else self._double(com, places, offset)
         normal = self._line.foot_normal(com, standing[0], standing[1], offset)
         self._write(stack, places, standing, normal, wanted, planted, offset)
 
@@ -109,9 +109,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
             return [False, False]
         return [not support.left and self._last.down[0], not support.right and self._last.down[1]]
 
-    def _kept(self, places: list[Array]) -> list[Array]:
+    def _kept(self, places: list[Array], planted: list[bool]) -> list[Array]:
         """Return the feet as they stand to one another at the last command, the one the human stands on in place."""
-        feet, j = self._last.feet, self._support
+        feet, j = self._last.feet, self._support if all(planted) else planted.index(False)
         turn = self._line.yaw(self._line.yaw_of(self._turns[j]) - self._line.yaw_of(feet[j][:3, :3]))
         kept = list(places)
         kept[1 - j] = places[j] + turn @ (feet[1 - j][:3, 3] - feet[j][:3, 3])
