@@ -81,6 +81,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         self._down = [1.0, 1.0]
         self._support = -1
         self._ground: Array = np.eye(4)
+        self._left: list[Array] = [np.zeros(2), np.zeros(2)]  # where on the floor each foot stood last
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Write feet, waist, anchor and contact."""
@@ -160,13 +161,17 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         waist_at = R @ self._waist_at + at
         floor: list[Array] = []
         for i, side in enumerate(SIDES):
-            down = self._down[i]
+            down = self._down[i] * self._down[i] * (3.0 - 2.0 * self._down[i])  # leaves and arrives at rest
             free = R @ places[i] + at
             turn = self._tilted(R @ self._turns[i], float(free[2]), down)
             sole = self.robot.sole[i] @ turn.T
             free[2] = max(float(free[2]), self.config.clearance_m - float(sole[:, 2].min()))
             ground = R @ standing[i] + at
             ground[2] = 0.0
+            if wanted[i] and self._last.down[i]:
+                self._left[i] = self._last.feet[i][:2, 3]
+            elif not wanted[i]:
+                ground[:2] = self._left[i]
             target = ground if down >= 1.0 else ground + (1.0 - down) * (free - ground)
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = turn, target
