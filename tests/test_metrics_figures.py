@@ -421,6 +421,8 @@ CAUSES: dict[str, Callable[[Case], None]] = {
     **{f"end_effector_error_{s}_foot_m": lambda c, s=s: bend(c, f"{s}_shank") for s in ("left", "right")},  # type: ignore[misc]
     "support_agreement_frames": change(human_support=np.zeros((T, 2), dtype=bool)),
     "support_delay_s": lambda c: stand_on_left(c, 3, 10, 5, 11),
+    "human_unseen_frames": change(human_com_m=np.zeros((T, 3))),
+    "human_flight_frames": change(human_support=np.zeros((T, 2), dtype=bool)),
     "single_support_executed_phases": lambda c: stand_on_left(c, 2, T, 2, T),
     "foot_slip_human_contact_m_s": lambda c: sway(c, lift=False),
     "foot_slip_declared_contact_m_s": lambda c: sway(c, lift=False),

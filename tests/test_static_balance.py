@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -161,6 +162,30 @@ def test_lying_down_leaves_the_robot_on_its_feet(pipeline: Pipeline) -> None:
         frame.position[:, 0], frame.position[:, 2] = c * x - s * z, s * x + c * z + 0.12 * share
     done = played(pipeline, frames)
     check_stands(pipeline, done)
+
+
+# ---------------------------------------------------------------------- recordings
+
+CAPTURES = (
+    "cmu_bvh/49_18.bvh",
+    "cmu_bvh/07_04.bvh",
+    "kinect_v2_irds/216_18_7_3_1_stand.csv",
+    "kinect_v1_precog/Seq1_8.csv",
+)
+
+
+@pytest.mark.parametrize("name", CAPTURES)
+def test_every_frame_of_a_recording_is_stable(shared: Path, name: str) -> None:
+    registry = Registry(entry_points=False)
+    built = Pipeline(
+        load_pipeline("koenemann_2014", registry, input=shared / "mocap" / name, sets=["settle_s=0.5"]),
+        registry,
+    )
+    try:
+        check_stands(built, played(built, built._human_frames()))
+        assert built.guard.report.scaled == 0
+    finally:
+        built.close()
 
 
 # ---------------------------------------------------------------------- properties

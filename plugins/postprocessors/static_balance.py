@@ -24,7 +24,7 @@ class StaticBalanceConfig(Config):
         0.008, ge=0, le=0.1, description="Distance of the CoM to the edge of the standing feet's polygon [m]."
     )
     slide_m_s: float = Field(
-        0.3, ge=0, description="Fastest that a standing foot is re-placed on the floor; 0 holds it [m/s]."
+        0.2, ge=0, description="Fastest that a standing foot is re-placed on the floor; 0 holds it [m/s]."
     )
     com_tolerance_m: float | None = Field(
         None,

@@ -39,8 +39,13 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
     """Carry the human's CoM offset between the feet over to the robot [koenemann2014] eq. 6, figure 4 (K3, K4).
 
     Writes the CoM's target, on the line between the robot's soles at the offset, and the contact: a foot leaves the
-    ground only when the CoM has arrived over the other one. While the human stands on one foot the offset goes to that
-    foot; its speed limit is a parabola with its maximum in the middle and a floor above zero at the ends.
+    ground only when the offset has arrived over the other one and the robot's own CoM was inside that sole at the last
+    command; the CoM leaves a sole only when the other one was down. While the human stands on one foot the offset goes
+    to that foot; its speed limit is a parabola with its maximum in the middle and a floor above zero at the ends.
+
+    On bad input: with ankles or CoM lost, the human's offset stays as last seen, and support is what the support filter
+    says. With no foot of the human on the floor (a jump, lying down) the robot stays on the feet it stands on. A
+    human who is on one foot from the start finds the robot on two; it shifts its weight first.
     """
 
     name = "com_offset"

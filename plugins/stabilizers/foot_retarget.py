@@ -53,8 +53,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
     the trunk is turned, its heading free: five coordinates a leg. In double support the foot that carries
     more weight is the anchor.
 
-    A foot that the human has lifted, or both in flight, while the robot still needs it, stays where it stands on the
-    floor: the pose that the human's raised leg asks for is none to stand in.
+    A foot that the human has lifted while the robot still stands on it, or both in flight, stays where it is on the
+    floor: the pose that the human's raised leg asks for is none to stand in. Sitting and lying down are postures like
+    others: the trunk is turned until the CoM is over the feet, as far as the legs can; `static_balance` does the rest.
 
     A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it is in
     contact when that is over.
@@ -172,7 +173,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
                 self._left[i] = self._last.feet[i][:2, 3]
             elif not wanted[i]:
                 ground[:2] = self._left[i]
-            target = ground if down >= 1.0 else ground + (1.0 - down) * (free - ground)
+            target = ground
+            if down < 1.0:  # up before it goes, there before it comes down
+                target = ground + (1.0 - down) * (free - ground) * (1.0 - down, 1.0 - down, 1.0)
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = turn, target
             if planted[i] and i != foot:

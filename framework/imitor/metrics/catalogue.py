@@ -14,6 +14,8 @@ FIGURES: Final[tuple[Figure, ...]] = (
     imitation.support_agreement,
     support.support_delay,
     support.single_support_executed,
+    support.human_unseen,
+    support.human_flight,
     feet.slip_in_human_contact,
     feet.slip_in_declared_contact,
     feet.penetration,

@@ -96,3 +96,31 @@ def single_support_executed(run: Run) -> Outcome:
         return Unmeasured(f"the human never stood on one foot for {LONG_S:g} s")
     done = sum(_executed(run, a, b) is not None for a, b in asked)
     return Sample({"count": done, "share": done / len(asked), "phases": len(asked)}, len(run))
+
+
+@figure(
+    "human_unseen_frames",
+    unit="frames",
+    formula="frames in which an ankle or the CoM of the human is not known",
+    better="lower",
+    about="How often balance had to go on with what it saw last.",
+)
+def human_unseen(run: Run) -> Outcome:
+    """Count the frames without what balance looks at."""
+    known = run.human_has("left_ankle") & run.human_has("right_ankle")
+    known &= np.isfinite(run.reference.human_com_m).all(axis=1)
+    return Sample.count(~known, np.ones(len(run)), reason="no frame")
+
+
+@figure(
+    "human_flight_frames",
+    unit="frames",
+    formula="frames in which neither foot of the human is marked as in contact",
+    better="neither",
+    about="Jumps, lying and sitting without the feet: what a balanced robot does not follow.",
+)
+def human_flight(run: Run) -> Outcome:
+    """Count the frames in which the human stands on nothing."""
+    return Sample.count(
+        ~run.reference.human_support.any(axis=1), run.reference.human_support_known, reason=_UNMARKED
+    )
