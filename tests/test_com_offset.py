@@ -93,6 +93,24 @@ def test_the_offset_waits_for_the_landing() -> None:
     assert waited >= 4
 
 
+@given(limits=LIMITS, dt=RATES, steps=st.lists(st.tuples(MODES, *[st.booleans()] * 3), max_size=200))
+@settings(max_examples=80, deadline=None)
+def test_a_foot_lifts_only_under_the_measured_com_and_the_com_leaves_only_a_foot_that_is_down(
+    limits: OffsetLimits, dt: float, steps: list[tuple[Mode | None, bool, bool, bool]]
+) -> None:
+    machine = SupportMachine(limits, dt)
+    landing = False
+    for human, left, right, down in steps:
+        stood, before = machine.mode, machine.offset
+        machine.step(human, 0.5, over=(left, right), down=down)
+        if stood is Mode.DOUBLE and machine.mode is not Mode.DOUBLE:
+            assert left if machine.mode is Mode.LEFT else right
+            assert not landing
+        landing = (landing or stood is not Mode.DOUBLE) and machine.mode is Mode.DOUBLE and not down
+        if landing:
+            assert machine.offset == before
+
+
 def test_flight_changes_nothing() -> None:
     machine = SupportMachine(OffsetLimits(2.0, 0.25, 0.01, 0.4), 0.1)
     machine.step(mode_of(Support(False, False)), 0.0)

@@ -130,6 +130,45 @@ def test_support_agreement_counts_known_frames(case: Case) -> None:
     assert case.figures()["support_agreement_frames"] == {"count": 9, "share": near(9 / 12), "frames": 12}
 
 
+def stand_on_left(case: Case, first: int, end: int, robot_first: int, robot_end: int) -> None:
+    """Let the human and the robot stand on the left foot for a while, five frames a second."""
+    case.motion.time_s[:] = case.reference.time_s[:] = 0.2 * np.arange(T)
+    case.reference.human_support[first:end, 1] = False
+    case.motion.contact[robot_first:robot_end, 1] = False
+
+
+def test_the_delay_of_support_is_the_time_until_the_robot_stands_alike(case: Case) -> None:
+    stand_on_left(case, 3, 10, 5, 11)
+    figures = case.figures()
+    assert figures["support_delay_s"] == {
+        "mean": near(0.3),
+        "max": near(0.4),
+        "changes": 2,
+        "missed": 0,
+        "frames": T,
+    }
+    assert figures["single_support_executed_phases"] == {"count": 1, "share": 1.0, "phases": 1, "frames": T}
+
+
+def test_a_support_that_the_robot_never_takes_is_missed(case: Case) -> None:
+    stand_on_left(case, 3, 10, 0, 0)
+    figures = case.figures()
+    assert figures["support_delay_s"]["missed"] == 1
+    assert figures["single_support_executed_phases"] == {"count": 0, "share": 0.0, "phases": 1, "frames": T}
+
+
+@pytest.mark.parametrize(("late", "executed"), [(14, 1), (15, 0)])
+def test_a_phase_may_be_carried_out_a_second_late(case: Case, late: int, executed: int) -> None:
+    stand_on_left(case, 3, 10, late, late + 1)  # the human's phase ends with frame 9
+    assert case.figures()["single_support_executed_phases"]["count"] == executed
+
+
+def test_phases_on_one_foot_that_are_short_are_not_asked_for(case: Case) -> None:
+    stand_on_left(case, 3, 7, 3, 7)
+    reasons = case.report()["not_measured"]
+    assert reasons["single_support_executed_phases"] == "the human never stood on one foot for 1 s"
+
+
 # ---------------------------------------------------------------------- feet
 
 
@@ -381,6 +420,10 @@ CAUSES: dict[str, Callable[[Case], None]] = {
     **{f"end_effector_error_{s}_hand_m": lambda c, s=s: bend(c, f"{s}_forearm") for s in ("left", "right")},  # type: ignore[misc]
     **{f"end_effector_error_{s}_foot_m": lambda c, s=s: bend(c, f"{s}_shank") for s in ("left", "right")},  # type: ignore[misc]
     "support_agreement_frames": change(human_support=np.zeros((T, 2), dtype=bool)),
+    "support_delay_s": lambda c: stand_on_left(c, 3, 10, 5, 11),
+    "human_unseen_frames": change(human_com_m=np.zeros((T, 3))),
+    "human_flight_frames": change(human_support=np.zeros((T, 2), dtype=bool)),
+    "single_support_executed_phases": lambda c: stand_on_left(c, 2, T, 2, T),
     "foot_slip_human_contact_m_s": lambda c: sway(c, lift=False),
     "foot_slip_declared_contact_m_s": lambda c: sway(c, lift=False),
     "penetration_m": shift(-0.01),

@@ -14,7 +14,7 @@ import pytest
 
 from imitor import metrics
 from imitor.errors import SourceError, SpecError
-from imitor.metrics import balance, catalogue, collision, feet, imitation, joints, timing
+from imitor.metrics import balance, catalogue, collision, feet, imitation, joints, support, timing
 from imitor.metrics.doc import table
 from imitor.metrics.figure import BETTER, Figure, Sample, Unmeasured
 from imitor.record import MOTION_FILE, REFERENCE_FILE
@@ -24,7 +24,7 @@ from small_humanoid import SmallHumanoid, still
 ROOT = Path(__file__).resolve().parents[1]
 UNIT_ENDINGS = {
     "deg": "_deg", "m": "_m", "m/s": "_m_s", "rad/s": "_rad_s", "rad/s³": "_rad_s3", "s": "_s", "-": "_ratio",
-    "frames": "_frames",
+    "frames": "_frames", "phases": "_phases",
 }  # fmt: skip
 
 
@@ -95,7 +95,7 @@ def test_a_value_that_is_not_finite_is_not_a_figure() -> None:
 
 
 def test_every_figure_is_in_the_catalogue_with_its_unit_in_the_name() -> None:
-    modules = (balance, collision, feet, imitation, joints, timing)
+    modules = (balance, collision, feet, imitation, joints, support, timing)
     defined = [v for module in modules for v in vars(module).values() if isinstance(v, Figure)]
     assert {f.name for f in defined} == {f.name for f in catalogue.FIGURES}
     names = [name for f in catalogue.FIGURES for name in f.full_names]

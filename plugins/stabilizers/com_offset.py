@@ -27,14 +27,25 @@ class ComOffsetConfig(Config):
     landing_s: float = Field(
         0.4, ge=0, description="How long the offset waits after single support until the foot is down [s]."
     )
+    margin_m: float = Field(
+        0.01,
+        ge=0,
+        description="How far inside the sole it will stand on the robot's own CoM must be before the other foot "
+        "lifts [m].",
+    )
 
 
 class ComOffset(Stabilizer[ComOffsetConfig]):
     """Carry the human's CoM offset between the feet over to the robot [koenemann2014] eq. 6, figure 4 (K3, K4).
 
     Writes the CoM's target, on the line between the robot's soles at the offset, and the contact: a foot leaves the
-    ground only when the CoM has arrived over the other one. While the human stands on one foot the offset goes to that
-    foot; its speed limit is a parabola with its maximum in the middle and a floor above zero at the ends.
+    ground only when the offset has arrived over the other one and the robot's own CoM was inside that sole at the last
+    command; the CoM leaves a sole only when the other one was down. While the human stands on one foot the offset goes
+    to that foot; its speed limit is a parabola with its maximum in the middle and a floor above zero at the ends.
+
+    On bad input: with ankles or CoM lost, the human's offset stays as last seen, and support is what the support filter
+    says. With no foot of the human on the floor (a jump, lying down) the robot stays on the feet it stands on. A
+    human who is on one foot from the start finds the robot on two; it shifts its weight first.
     """
 
     name = "com_offset"
@@ -45,11 +56,12 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
     def start(self) -> None:
         """Build the support machine."""
         from imitor.balance.offset import offset_of
+        from imitor.balance.stance import Stance
         from imitor.balance.support import OffsetLimits, SupportMachine, mode_of
 
         config = self.config
         limits = OffsetLimits(config.speed, config.floor, config.tolerance, config.landing_s)
-        self._offset_of, self._mode_of = offset_of, mode_of
+        self._offset_of, self._mode_of, self._stance = offset_of, mode_of, Stance
         self.machine = SupportMachine(limits, self.dt_s)
         self._ankles = [ROLE_INDEX[f"{side}_ankle"] for side in SIDES]
         self._feet: list[Array] = [self.robot.position(f"{side}_foot") for side in SIDES]
@@ -66,14 +78,22 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         if frame.com is not None and frame.valid[left] and frame.valid[right]:  # else as in the last frame
             human = self._offset_of(frame.com, frame.position[left], frame.position[right])
             self.human_offset = human if np.isfinite(human) else self.human_offset
-        support = frame.support
-        machine = self.machine
-        machine.step(None if support is None else self._mode_of(support), self.human_offset)
+        machine, support = self.machine, frame.support
+        over, down = self._measured(state)
+        machine.step(
+            None if support is None else self._mode_of(support), self.human_offset, over=over, down=down
+        )
         com = stack["com"]
         com.target[:] = self._feet[0] + machine.offset * (self._feet[1] - self._feet[0])
-        com.target[2] = self.robot.com[2]
         com.mask[:] = (True, True, False)
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
+
+    def _measured(self, state: Configuration) -> tuple[list[bool], bool]:
+        """Return over which soles the CoM of the last command is, and whether both feet were down in it."""
+        if state.sent is None:
+            return [False, False], True
+        stance = self._stance.at(self.robot, state.sent, state.q)
+        return [m >= self.config.margin_m for m in stance.margin_m], all(stance.down)
 
 
 @hookimpl

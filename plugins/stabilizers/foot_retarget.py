@@ -53,20 +53,25 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
     the trunk is turned, its heading free: five coordinates a leg. In double support the foot that carries
     more weight is the anchor.
 
-    A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it counts
-    as in contact only while it is down.
+    A foot that the human has lifted while the robot still stands on it, or both in flight, stays where it is on the
+    floor: the pose that the human's raised leg asks for is none to stand in. Sitting and lying down are postures like
+    others: the trunk is turned until the CoM is over the feet, as far as the legs can; `static_balance` does the rest.
+
+    A foot that lifts or lands moves between its place on the ground and its free place within `transition_s`; it is in
+    contact when that is over.
     """
 
     name = "foot_retarget"
-    wants = frozenset({"configuration"})
+    wants = frozenset({"configuration", "support"})
     needs_tasks = frozenset({"com", "left_foot", "right_foot", "waist"})
 
     def start(self) -> None:
         """Bind kernels and views."""
         from imitor.balance import offset
+        from imitor.balance.stance import Stance
 
         robot = self.robot
-        self._line = offset
+        self._line, self._stance = offset, Stance
         self._places: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._turns: list[Array] = [robot.rotation(f"{side}_foot") for side in SIDES]
         self._waist_at, self._waist_turn = robot.position("waist"), robot.rotation("waist")
@@ -77,6 +82,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         self._down = [1.0, 1.0]
         self._support = -1
         self._ground: Array = np.eye(4)
+        self._left: list[Array] = [np.zeros(2), np.zeros(2)]  # where on the floor each foot stood last
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Write feet, waist, anchor and contact."""
@@ -87,13 +93,31 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
             self._down[i] = (
                 min(self._down[i] + self._rate, 1.0) if on else max(self._down[i] - self._rate, 0.0)
             )
+        before = self.robot.standing if state.sent is None else state.sent
+        self._last = self._stance.at(self.robot, before, state.q)
         com, places = self.robot.com, [p.copy() for p in self._places]
         offset = self._line.offset_of(stack["com"].target, places[0], places[1])
         offset = min(max(offset, 0.0), 1.0) if all(wanted) else float(wanted[1])
-        standing = self._double(com, places, offset)
+        self._choose_support(wanted, offset, first=state.sent is None)
+        planted = self._planted(frame, wanted)
+        standing = self._kept(places, planted) if any(planted) else self._double(com, places, offset)
         normal = self._line.foot_normal(com, standing[0], standing[1], offset)
-        self._choose_support(wanted, offset)
-        self._write(stack, places, standing, normal, wanted)
+        self._write(stack, places, standing, normal, wanted, planted, offset)
+
+    def _planted(self, frame: HumanFrame, wanted: list[bool]) -> list[bool]:
+        """Return which feet the robot stands on and the human does not."""
+        support = frame.support
+        if support is None or not all(wanted):
+            return [False, False]
+        return [not support.left and self._last.down[0], not support.right and self._last.down[1]]
+
+    def _kept(self, places: list[Array], planted: list[bool]) -> list[Array]:
+        """Return the feet as they stand to one another at the last command, the one the human stands on in place."""
+        feet, j = self._last.feet, self._support if all(planted) else planted.index(False)
+        turn = self._line.yaw(self._line.yaw_of(self._turns[j]) - self._line.yaw_of(feet[j][:3, :3]))
+        kept = list(places)
+        kept[1 - j] = places[j] + turn @ (feet[1 - j][:3, 3] - feet[j][:3, 3])
+        return kept
 
     def _double(self, com: Array, places: list[Array], offset: float) -> list[Array]:
         """Return the feet with one re-placed, so that the CoM projects onto the offset (figure 5)."""
@@ -105,25 +129,29 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         moved[i] = places[i] + share * (com - places[i])
         return moved
 
-    def _choose_support(self, wanted: list[bool], offset: float) -> None:
+    def _choose_support(self, wanted: list[bool], offset: float, *, first: bool) -> None:
         """Keep the anchor's foot while it carries weight; the other one takes over where it is on the ground."""
-        now = self._support
-        if now >= 0 and wanted[now] and self._down[now] >= 1.0:
+        now, down = self._support, self._last.down
+        if now >= 0 and wanted[now]:
             light = offset > _LIGHT if now == 0 else offset < 1.0 - _LIGHT
-            if not (light and min(self._down) >= 1.0):
+            if not (light and min(self._down) >= 1.0 and down[1 - now]):
                 return
-        before = self._support
-        self._support = 1 - before if before >= 0 else int(not wanted[0])
+        self._support = 1 - now if now >= 0 else int(not wanted[0])
         foot = self._support
-        T = self.robot.pose(f"{SIDES[foot]}_foot")
-        if before >= 0:  # in the world of the last frame, where the old anchor stood on the ground
-            T = self._last_pose[foot].copy()
+        T = self.robot.pose(f"{SIDES[foot]}_foot") if first else self._last.feet[foot]
         self._ground = np.eye(4)
         self._ground[:3, :3] = self._line.yaw(self._line.yaw_of(T[:3, :3]))
         self._ground[:2, 3] = T[:2, 3]
 
     def _write(
-        self, stack: TaskStack, places: list[Array], standing: list[Array], normal: Array, wanted: list[bool]
+        self,
+        stack: TaskStack,
+        places: list[Array],
+        standing: list[Array],
+        normal: Array,
+        wanted: list[bool],
+        planted: list[bool],
+        offset: float,
     ) -> None:
         """Set the robot on the ground and write the targets in that world."""
         foot, line = self._support, self._line
@@ -132,21 +160,30 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         at = self._ground[:3, 3] - R @ standing[foot]  # world of the ground from the present world
         waist = R @ self._waist_turn
         waist_at = R @ self._waist_at + at
-        self._last_pose = []
+        floor: list[Array] = []
         for i, side in enumerate(SIDES):
-            down = self._down[i]
+            down = self._down[i] * self._down[i] * (3.0 - 2.0 * self._down[i])  # leaves and arrives at rest
             free = R @ places[i] + at
             turn = self._tilted(R @ self._turns[i], float(free[2]), down)
             sole = self.robot.sole[i] @ turn.T
             free[2] = max(float(free[2]), self.config.clearance_m - float(sole[:, 2].min()))
             ground = R @ standing[i] + at
             ground[2] = 0.0
-            target = ground if down >= 1.0 else ground + (1.0 - down) * (free - ground)
+            if wanted[i] and self._last.down[i]:
+                self._left[i] = self._last.feet[i][:2, 3]
+            elif not wanted[i]:
+                ground[:2] = self._left[i]
+            target = ground
+            if down < 1.0:  # up before it goes, there before it comes down
+                target = ground + (1.0 - down) * (free - ground) * (1.0 - down, 1.0 - down, 1.0)
             pose = np.eye(4)
             pose[:3, :3], pose[:3, 3] = turn, target
-            self._last_pose.append(pose)
+            if planted[i] and i != foot:
+                pose[:2, 3] = self._last.feet[i][:2, 3]
             self._write_foot(stack, side, pose, waist, waist_at)
             stack.contact[i] = wanted[i] and down >= 1.0
+            floor.append(pose[:2, 3] if planted[i] else ground[:2])
+        stack["com"].target[:2] = (1.0 - offset) * floor[0] + offset * floor[1]
         task = stack["waist"]
         task.target[:] = waist
         task.mask[:] = (True, True, False)

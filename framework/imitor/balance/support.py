@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 
@@ -64,31 +65,48 @@ class SupportMachine:
     def reset(self) -> None:
         """Stand on both feet, the CoM in the middle."""
         self.offset, self.mode = 0.5, Mode.DOUBLE
-        self._wait_s = 0.0
+        self._wait_s, self._landing = 0.0, False
         self._goal = 0.5
 
-    def step(self, human: Mode | None, human_offset: float) -> None:
+    def step(
+        self,
+        human: Mode | None,
+        human_offset: float,
+        *,
+        over: Sequence[bool] = (True, True),
+        down: bool = True,
+    ) -> None:
         """Advance by a frame; in flight the robot stays as it is.
 
         A mode changes before the offset moves: what a frame's offset has reached decides about the next frame.
+
+        Args:
+            human: What the human stands on; ``None`` in flight.
+            human_offset: The human's offset [-].
+            over: Whether the robot's own CoM is over its left and over its right sole.
+            down: Whether both of the robot's feet are on the ground.
         """
         limits = self._limits
         if human is not None:
-            self._change(human)
+            self._change(human, over)
             self._goal = _END.get(human, min(max(human_offset, 0.0), 1.0))
         if self.mode is not Mode.DOUBLE:
             return
-        if self._wait_s > 0.0:
+        self._landing &= not down
+        if self._wait_s > 0.0 or self._landing:
             self._wait_s -= self._dt_s
             return
         most = limits.at(self.offset) * self._dt_s
         self.offset += min(max(self._goal - self.offset, -most), most)
         self.offset = min(max(self.offset, 0.0), 1.0)
 
-    def _change(self, human: Mode) -> None:
-        if self.mode is Mode.DOUBLE:
-            end = _END.get(human)
-            if end is not None and self._wait_s <= 0.0 and abs(self.offset - end) <= self._limits.tolerance:
-                self.mode, self.offset = human, end
-        elif human is not self.mode:
-            self.mode, self._wait_s = Mode.DOUBLE, self._limits.landing_s
+    def _change(self, human: Mode, over: Sequence[bool]) -> None:
+        if self.mode is not Mode.DOUBLE:
+            if human is not self.mode:
+                self.mode, self._wait_s, self._landing = Mode.DOUBLE, self._limits.landing_s, True
+            return
+        end = _END.get(human)
+        if end is None or self._wait_s > 0.0 or self._landing or not over[int(end)]:
+            return
+        if abs(self.offset - end) <= self._limits.tolerance:
+            self.mode, self.offset = human, end

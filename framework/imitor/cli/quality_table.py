@@ -16,6 +16,7 @@ _UNITS: Final = {
     "_m_s": "m/s",
     "_percent": "%",
     "_frames": "frames",
+    "_phases": "phases",
     "_rad": "rad",
     "_deg": "°",
     "_mm": "mm",

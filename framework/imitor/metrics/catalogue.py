@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from imitor.metrics import balance, collision, feet, imitation, joints, timing
+from imitor.metrics import balance, collision, feet, imitation, joints, support, timing
 from imitor.metrics.figure import Figure
 
 FIGURES: Final[tuple[Figure, ...]] = (
@@ -12,6 +12,10 @@ FIGURES: Final[tuple[Figure, ...]] = (
     imitation.direction_error,
     imitation.end_effector_error,
     imitation.support_agreement,
+    support.support_delay,
+    support.single_support_executed,
+    support.human_unseen,
+    support.human_flight,
     feet.slip_in_human_contact,
     feet.slip_in_declared_contact,
     feet.penetration,
