@@ -10,20 +10,19 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from supports import executed, offsets
 
 import imitor  # noqa: F401  (sets one BLAS thread before numpy is used)
 from imitor import metrics
-from imitor.balance.offset import offset_of
 from imitor.kinds import Record, RunInfo
 from imitor.metrics.run import Run
 from imitor.pipeline import Pipeline
 from imitor.record import Motion, Recorder, Reference
 from imitor.registry import Registry
 from imitor.spec import load_pipeline
-from imitor.types import Array, BoolArray
+from imitor.types import SIDES, Array, BoolArray
 from imitor.visual.clip import make_clip
 
-SIDES = ("left", "right")
 SHORTEST_S = 0.1
 """A human's single support shorter than this is taken for noise [s]."""
 
@@ -135,21 +134,6 @@ class Stopwatch(Pipeline):
         return timed
 
 
-def offsets(com: Array, feet: Sequence[Array], support: BoolArray) -> Array:
-    """Return the offset of a CoM (T, 3) on the line between the feet (T, 3) [koenemann2014] eq. 6, shape (T,) [-].
-
-    A foot in the air counts where it last stood (or where it will stand, or where it was first).
-    """
-    left, right = (foot[_last_standing(on)] for foot, on in zip(feet, support.T, strict=True))
-    return np.array([offset_of(*row) for row in zip(com, left, right, strict=True)])
-
-
-def _last_standing(on: BoolArray) -> Any:
-    """Return for every frame the frame in which a foot last stood, shape (T,)."""
-    first = int(on.argmax())
-    return np.maximum.accumulate(np.where(on, np.arange(len(on)), first))
-
-
 def shared_folder(given: Path | None) -> Path | None:
     """Return the folder of captures: as given, or ``mocap`` in the folder that ``IMITOR_SHARED`` names."""
     named = os.environ.get("IMITOR_SHARED")
@@ -225,50 +209,6 @@ def play(
     )  # fmt: skip
 
 
-# ------------------------------------------------------------------ support phases
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A stretch of frames, first to last, on the left foot, the right foot, both (``double``) or none (``flight``)."""
-
-    mode: str
-    first: int
-    last: int
-
-    @property
-    def single(self) -> bool:
-        """Whether it is on one foot."""
-        return self.mode in SIDES
-
-
-def phases(support: BoolArray) -> list[Phase]:
-    """Return the phases of support (T, 2), in order."""
-    names = {(True, True): "double", (True, False): "left", (False, True): "right", (False, False): "flight"}
-    modes = [names[bool(left), bool(right)] for left, right in support]
-    cuts = [i for i in range(1, len(modes)) if modes[i] != modes[i - 1]]
-    return [Phase(modes[a], a, b - 1) for a, b in zip([0, *cuts], [*cuts, len(modes)], strict=True) if b > a]
-
-
-def executed(human: BoolArray, robot: BoolArray, shortest: int = 1) -> Iterator[tuple[Phase, Phase | None]]:
-    """Yield the human's single supports and the robot's that answers each, or ``None``.
-
-    An answer is on the same foot and begins before the human's next single support does.
-
-    Args:
-        human, robot: Feet that stand, shape (T, 2).
-        shortest: Least number of frames of a human's single support that counts.
-    """
-    asked = [p for p in phases(human) if p.single and p.last - p.first + 1 >= shortest]
-    answers = [p for p in phases(robot) if p.single]
-    for phase, after in zip(asked, [*asked[1:], None], strict=False):
-        end = len(human) if after is None else after.first
-        yield (
-            phase,
-            next((a for a in answers if a.mode == phase.mode and phase.first <= a.first < end), None),
-        )
-
-
 def support_summary(played: Played) -> tuple[str, str]:
     """Return the single supports executed of those asked for, and the mean and largest delay, as texts."""
     shortest = max(1, round(SHORTEST_S / played.run.period_s))
@@ -289,3 +229,8 @@ def skipped(cases: Sequence[Case], captures: Path | None) -> Iterator[tuple[Case
             yield case, "no folder of captures: give --captures, or set IMITOR_SHARED"
         elif not (captures / case.recording).is_file():
             yield case, f"no file {case.recording} in the folder of captures"
+
+
+def number(value: float, digits: int = 2) -> str:
+    """Return a rounded number as text, never a negative zero."""
+    return f"{round(float(value), digits) + 0.0:.{digits}f}"

@@ -3,8 +3,8 @@
     python benchmarks/papers/koenemann_2014.py [CASE ...] [--quick] [--robot R] [--frames N] [--set KEY=VALUE ...]
 
 Writes tables and figures into ``docs/presets/koenemann_2014.md``; with --quick, or cases or options of your own, it
-prints the tables and writes nothing unless --docs names a folder. Recordings come from the folder of captures
-(--captures, or ``mocap`` in the folder that IMITOR_SHARED names); without it they are left out, and that is said.
+prints the tables and writes nothing unless --docs names a folder. Recordings that are not there are left out, and the
+page says so.
 
 Errors are distances to the targets of eq. 5 after all stages [koenemann2014], in the axes of the link that carries the
 limb. Times are those of the stages; one unit is one 30x30 SVD timed all through the same run.
@@ -12,14 +12,14 @@ limb. Times are those of the stages; one unit is one 30x30 SVD timed all through
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from experiment import Case, Played, play, shared_folder, skipped, support_summary
-from page import DOCS, balance_cells, fell_cells, figure, strips, table, write
+from experiment import Case, Played, number
+from page import figure, run_tables, strips, table
+from program import Program
 
 from imitor.kinds import Record
 from imitor.pipeline import Pipeline
@@ -67,68 +67,13 @@ def observe(pipeline: Pipeline, record: Record) -> Array:
     return np.array([*errors, spent])
 
 
-def main() -> None:
-    """Run the cases, print the tables and write the page."""
-    args = arguments()
-    captures = shared_folder(args.captures)
-    cases = [
-        c for c in [*PERFORMER, *([] if args.quick else RECORDED)] if not args.cases or c.title in args.cases
-    ]
-    missing = dict(skipped(cases, captures))
-    played: list[Played] = []
-    for case in cases:
-        if case in missing:
-            print(f"left out: {case.title}: {missing[case]}", flush=True)
-            continue
-        played.append(
-            play(
-                PRESET,
-                Case(case.title, case.scenario, case.recording, (*case.sets, *args.sets)),
-                robot=args.robot,
-                captures=captures,
-                frames=args.frames,
-                observe=observe,
-                simulate=not args.quick,
-            )
-        )
-        print(f"ran: {case.title}", flush=True)
-    text = "\n".join([*tables(played), *(f"Left out: {c.title}: {why}.\n" for c, why in missing.items())])
-    print("\n" + text)
-    whole = not (args.quick or args.cases or args.sets or args.frames or args.robot)
-    if whole or args.docs:
-        docs = args.docs or DOCS
-        page = write(docs, PRESET, PROGRAM, "\n".join([text, *figures(played, docs)]))
-        print(f"wrote {page}")
-
-
-def arguments() -> argparse.Namespace:
-    """Read the command line."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "cases", nargs="*", metavar="CASE", help=", ".join(c.title for c in PERFORMER + RECORDED)
-    )
-    parser.add_argument(
-        "--quick", action="store_true", help="scenarios alone, without physics; prints, writes nothing"
-    )
-    parser.add_argument("--robot")
-    parser.add_argument("--captures", type=Path, help="folder of captures")
-    parser.add_argument("--frames", type=int, help="only the first frames")
-    parser.add_argument("--set", action="append", default=[], dest="sets", metavar="KEY=VALUE")
-    parser.add_argument("--docs", type=Path, help="the folder of the documentation to write to")
-    return parser.parse_args()
-
-
 # ------------------------------------------------------------------ tables
 
 
 def tables(played: Sequence[Played]) -> list[str]:
     """Return the tables as Markdown: against the paper, by run, in physics."""
-    out = [paper_table(played), "Each run, at its real speed unless said otherwise:\n", run_table(played)]
-    if any(p.simulation for p in played):
-        out += ["Executed by simulated servos, without any controller:\n", physics_table(played)]
-    return out
+    heads = ["hands mean, max (mm)", "feet mean, max (mm)"]
+    return [paper_table(played), *run_tables(PRESET, played, heads, errors)]
 
 
 def paper_table(played: Sequence[Played]) -> str:
@@ -146,7 +91,7 @@ def paper_table(played: Sequence[Played]) -> str:
         single = first.motion.contact.sum(axis=1) == 1
         if single.any():
             offset = first.robot_offset[single]
-            ours = f"{offset.mean():.2f}, from {offset.min() + 0.0:.2f} to {offset.max():.2f}"
+            ours = f"{number(offset.mean())}, from {number(offset.min())} to {number(offset.max())}"
             rows.append(["offset on the left foot", "0", ours, command])
     if not mine:
         return table(["", "paper", "ours", "command"], rows)
@@ -181,43 +126,10 @@ def spread(values: Array) -> str:
     return f"{values.mean():.2f} ± {values.std():.2f}, {values.max():.2f}"
 
 
-def run_table(played: Sequence[Played]) -> str:
-    """Return errors, support and balance of each run."""
-    head = [
-        "run", "frames", "hands mean, max (mm)", "feet mean, max (mm)", "single supports executed",
-        "delay mean, max (s)", "CoM inside, least margin: single (mm)", "double (mm)", "self-collision (frames)",
-        "ms (units) a frame",
-    ]  # fmt: skip
-    rows = []
-    for p in played:
-        mm = 1e3 * p.observed[1:]
-        hit = p.figures.get("self_collision_frames", {})
-        rows.append(
-            [
-                f"`{p.case.title}`" if p.case.scenario else p.case.title,
-                str(len(p.run)),
-                f"{mm[:, :2].mean():.1f}, {mm[:, :2].max():.0f}",
-                f"{mm[:, 2:4].mean():.1f}, {mm[:, 2:4].max():.0f}",
-                *support_summary(p),
-                *balance_cells(p),
-                f"{hit['count']}" if "count" in hit else "–",
-                f"{p.ms().mean():.2f} ({1e-3 * p.ms().mean() / p.unit_s:.1f})",
-            ]
-        )
-    return table(head, rows)
-
-
-def physics_table(played: Sequence[Played]) -> str:
-    """Return the verdict of physics on each run."""
-    head = [
-        "command",
-        "fell",
-        "largest joint error (rad)",
-        "frames with the ZMP inside",
-        "a torque at its limit",
-    ]
-    rows = [[f"`{p.case.command(PRESET)} --simulate`", *fell_cells(p)] for p in played if p.simulation]
-    return table(head, rows)
+def errors(p: Played) -> list[str]:
+    """Return mean and largest errors of hands and of feet of a run [mm]."""
+    mm = 1e3 * p.observed[1:]
+    return [f"{part.mean():.1f}, {part.max():.0f}" for part in (mm[:, :2], mm[:, 2:4])]
 
 
 # ------------------------------------------------------------------ figures
@@ -266,4 +178,4 @@ def panels(p: Played) -> list[Panel]:
 
 
 if __name__ == "__main__":
-    main()
+    Program(PRESET, __doc__ or "", PERFORMER, RECORDED, observe, tables, figures).main()

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from experiment import Played, phases
+from experiment import Played, number, support_summary
+from supports import phases
 
 from imitor.atomic import atomic
 from imitor.types import BoolArray
@@ -82,7 +83,45 @@ def write(docs: Path, preset: str, program: str, text: str) -> Path:
     return path
 
 
-def balance_cells(played: Played) -> list[str]:
+def run_tables(
+    preset: str, played: Sequence[Played], heads: Sequence[str], cells: Callable[[Played], list[str]]
+) -> list[str]:
+    """Return the table of all runs, and the verdict of physics on each.
+
+    Args:
+        heads, cells: Columns of this paper alone, between the length and the support.
+    """
+    head = [
+        "run", "frames", *heads, "single supports executed", "delay mean, max (s)",
+        "single support: CoM inside, least margin (mm)", "double support", "self-collision (frames)",
+        "ms (units) a frame",
+    ]  # fmt: skip
+    rows = []
+    for p in played:
+        hit = p.figures.get("self_collision_frames", {})
+        name = f"`{p.case.title}`" if p.case.scenario else p.case.title
+        ms = p.ms().mean()
+        time = f"{ms:.2f} ({1e-3 * ms / p.unit_s:.1f})"
+        rows.append(
+            [
+                name,
+                str(len(p.run)),
+                *cells(p),
+                *support_summary(p),
+                *_balance(p),
+                str(hit.get("count", "–")),
+                time,
+            ]
+        )
+    out = ["Each run, at its real speed unless said otherwise:\n", table(head, rows)]
+    if any(p.simulation for p in played):
+        head = ["command", "fell", "largest joint error (rad)", "ZMP inside", "a torque at its limit"]
+        rows = [[f"`{p.case.command(preset)} --simulate`", *_physics(p)] for p in played if p.simulation]
+        out += ["Executed by simulated servos, without any controller:\n", table(head, rows)]
+    return out
+
+
+def _balance(played: Played) -> list[str]:
     """Return share of frames with the CoM inside and its least margin [mm], in single and in double support."""
     out = []
     for support in ("single", "double"):
@@ -91,17 +130,17 @@ def balance_cells(played: Played) -> list[str]:
             out.append("–")
             continue
         share = f"{100 * found['inside_share']:.4g} % of {found['frames']}"
-        out.append(f"{share}, {1e3 * found['min']:.1f}")
+        out.append(f"{share}, {number(1e3 * found['min'], 1)}")
     return out
 
 
-def fell_cells(played: Played) -> list[str]:
+def _physics(played: Played) -> list[str]:
     """Return what physics found: whether and when it fell, joint error, ZMP, torque."""
     v = played.simulation
     inside = v.get("zmp_inside_share")
     return [
         f"after {v['fall_time_s']:.2f} s" if v["fell"] else "no",
-        f"{v['joint_error_rad']['max']:.3f}",
+        number(v["joint_error_rad"]["max"], 3),
         "–" if inside is None else f"{100 * inside:.4g} %",
         f"{100 * v['torque_to_limit']['saturated_share']:.2g} % of the time",
     ]

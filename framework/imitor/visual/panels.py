@@ -18,6 +18,12 @@ INK: Final[Colour] = (40, 46, 54)
 GREY: Final[Colour] = (140, 147, 156)
 
 
+def mixed(colour: Colour, share: float) -> Colour:
+    """Return a colour thinned with white."""
+    r, g, b = (round(255 - share * (255 - c)) for c in colour)
+    return r, g, b
+
+
 @dataclass(frozen=True)
 class Line:
     """One curve; NaN interrupts it.

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.types import Array
-from imitor.visual.panels import GREY, INK, Colour, Line, Outline, Panel
+from imitor.visual.panels import GREY, INK, Colour, Line, Outline, Panel, mixed
 
 _PAPER: Final[Colour] = (255, 255, 255)
 _GRID: Final[Colour] = (226, 229, 233)
@@ -20,10 +20,10 @@ _TINT: Final = 0.28  # how strong a band's colour is behind the lines
 
 
 def ticks(low: float, high: float, most: int) -> list[float]:
-    """Return round numbers within a range: steps of 1, 2 or 5 times a power of ten, at most so many."""
+    """Return round numbers within a range: steps of 1, 2 or 5 times a power of ten, at most one more than ``most``."""
     if not high > low:
         return [low]
-    rough = (high - low) / max(most - 1, 1)
+    rough = (high - low) / most
     power = 10.0 ** math.floor(math.log10(rough))
     step = next(f * power for f in (1.0, 2.0, 5.0, 10.0) if f * power >= rough * (1.0 - 1e-9))
     first, last = math.ceil(low / step - 1e-6), math.floor(high / step + 1e-6)
@@ -53,7 +53,7 @@ def draw(panels: Sequence[Panel], size_px: tuple[int, int], columns: int = 1) ->
         )
         _Axes(image, panel, box).draw()
     small = image.resize(size_px, Image.Resampling.LANCZOS)
-    return small.quantize(128, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    return small.quantize(200, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
 
 
 class _Axes:
@@ -105,8 +105,11 @@ class _Axes:
         """Draw everything, from back to front."""
         self._strips()
         self._grid()
+        for outline in self._panel.outlines:  # all of the surfaces lie under all of the edges
+            self._pen.polygon(self._corners(outline), mixed(outline.colour, 0.15) if outline.fill else None)
         for outline in self._panel.outlines:
-            self._outline(outline)
+            corners = self._corners(outline)
+            self._pen.line([*corners, corners[0]], outline.colour, 2 * _SCALE, "curve")
         for line in self._panel.lines:
             self._line(line)
         self._frame()
@@ -122,7 +125,7 @@ class _Axes:
                 (x0, x1), _ = self._at([begin, end], [0, 0])
                 pen.rectangle((x0, top, x1, bottom), colour)
                 if strip.shade:
-                    pen.rectangle((x0, self._top, x1, self._bottom), _mixed(colour, _TINT))
+                    pen.rectangle((x0, self._top, x1, self._bottom), mixed(colour, _TINT))
                 if pen.textlength(text, self._small) < x1 - x0 - 6 * _SCALE:
                     pen.text(((x0 + x1) / 2, (top + bottom) / 2), text, INK, self._small, "mm")
             top += height
@@ -145,10 +148,9 @@ class _Axes:
             for part in _dashes(piece, _SCALE * 9.0, _SCALE * 6.0) if line.dashed else [piece]:
                 self._pen.line([tuple(p) for p in part.tolist()], line.colour, width, "curve")
 
-    def _outline(self, outline: Outline) -> None:
-        points = [tuple(p) for p in np.column_stack(self._at(*np.asarray(outline.points).T)).tolist()]
-        self._pen.polygon(points, _mixed(outline.colour, 0.15) if outline.fill else None)
-        self._pen.line([*points, points[0]], outline.colour, 2 * _SCALE, "curve")
+    def _corners(self, outline: Outline) -> list[tuple[float, float]]:
+        x, y = self._at(*np.asarray(outline.points).T)
+        return list(zip(x.tolist(), y.tolist(), strict=True))
 
     def _frame(self) -> None:
         self._pen.rectangle((self._left, self._top, self._right, self._bottom), None, GREY, _SCALE)
@@ -193,9 +195,3 @@ def _dashes(points: Array, on: float, off: float) -> Iterator[Array]:
         inner = along[(along > begin) & (along < end)]
         at = np.concatenate([[begin], inner, [end]])
         yield np.column_stack([np.interp(at, along, points[:, k]) for k in range(2)])
-
-
-def _mixed(colour: Colour, share: float) -> Colour:
-    """Return a colour thinned with white."""
-    r, g, b = (round(255 - share * (255 - c)) for c in colour)
-    return r, g, b
