@@ -51,7 +51,7 @@ LIFTED_M = 0.9 * 0.03
 """A sole this high counts as lifted to rho [m]."""
 MIDDLE = 0.1
 """An offset this near 0.5 counts as between the feet [-]."""
-PICTURES = 8
+PICTURES = 6
 
 
 # ------------------------------------------------------------------ what the motion says
@@ -164,7 +164,7 @@ def figures(played: Sequence[Played], docs: Path) -> list[str]:
     if p is None:
         return []
     return [
-        "**Poses** (figure 5), the human drawn as tall as the robot.\n",
+        "**Poses** (figure 5), below the robot alone.\n",
         image(docs, PRESET, "poses", poses(p), "Human and robot through the step forward"),
         "**Tracked trajectories in time** (figure 6): hands, free ankle and CoM; broad and pale what is asked for.\n",
         figure(docs, PRESET, "time", in_time(p), (1800, 1300), 3, "Hands, left ankle and CoM over time"),
@@ -186,22 +186,24 @@ def figures(played: Sequence[Played], docs: Path) -> list[str]:
 
 
 def poses(p: Played) -> Any:
-    """Return the film strip (figure 5), the human as tall as the robot."""
+    """Return the film strip (figure 5): human and robot to scale, and under them the robot alone."""
+    from imitor.visual.palette import reduced
     from imitor.visual.sheet import contact_sheet, tile_size
     from imitor.visual.studio import Studio
 
-    human = p.reference
-    size = p.run.path.point["mid_shoulder"][0, 2] / human.role("mid_shoulder")[0, 2]
-    human = replace(human, role_position_m=size * human.role_position_m, human_com_m=size * human.human_com_m)
     rows = np.linspace(0, len(p.run) - 1, PICTURES).round().astype(int)
-    width, height = tile_size((480, 400), PICTURES // 2, 1500)
-    studio = Studio(p.robot, p.motion, human, rows, size=(2 * width, 2 * height))
-    try:
-        pictures = [studio.picture(i) for i in range(len(studio))]
-        times = [float(t - p.motion.time_s[0]) for t in studio.time_s]
-    finally:
-        studio.close()
-    return contact_sheet(pictures, times, "", PICTURES // 2, 1500).quantize(128)
+    width, height = tile_size((400, 440), PICTURES, 1500)
+    unseen = np.zeros_like(p.reference.role_valid)
+    nobody = replace(p.reference, role_valid=unseen, human_com_m=np.full((len(p.run), 3), np.nan))
+    pictures = []
+    for human in (p.reference, nobody):
+        studio = Studio(p.robot, p.motion, human, rows, size=(2 * width, 2 * height))
+        try:
+            pictures += [studio.picture(i) for i in range(len(studio))]
+        finally:
+            studio.close()
+    times = (p.time_s[rows]).tolist()
+    return reduced(contact_sheet(pictures, 2 * times, "", PICTURES, 1500))
 
 
 def tracked(p: Played) -> Iterator[tuple[str, Any, Array, Array]]:

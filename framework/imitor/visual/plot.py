@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.types import Array
+from imitor.visual.palette import reduced
 from imitor.visual.panels import GREY, INK, Colour, Line, Outline, Panel, mixed
 
 _PAPER: Final[Colour] = (255, 255, 255)
@@ -31,7 +32,7 @@ def ticks(low: float, high: float, most: int) -> list[float]:
 
 
 def draw(panels: Sequence[Panel], size_px: tuple[int, int], columns: int = 1) -> Any:
-    """Return the panels, row by row, as a PIL image with few colours.
+    """Return the panels, row by row, as a PIL image of few colours.
 
     Args:
         panels: What to draw.
@@ -52,8 +53,7 @@ def draw(panels: Sequence[Panel], size_px: tuple[int, int], columns: int = 1) ->
             height * (row + 1) // rows,
         )
         _Axes(image, panel, box).draw()
-    small = image.resize(size_px, Image.Resampling.LANCZOS)
-    return small.quantize(200, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    return reduced(image.resize(size_px, Image.Resampling.LANCZOS))
 
 
 class _Axes:
