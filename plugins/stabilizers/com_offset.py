@@ -71,7 +71,6 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         machine.step(None if support is None else self._mode_of(support), self.human_offset)
         com = stack["com"]
         com.target[:] = self._feet[0] + machine.offset * (self._feet[1] - self._feet[0])
-        com.target[2] = self.robot.com[2]
         com.mask[:] = (True, True, False)
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
 

@@ -6,13 +6,13 @@ from typing import Any
 
 
 def palette_of(image: Any) -> Any:
-    """Return an image with 256 colours of a PIL image: most for large areas, some for small marks of strong colour."""
+    """Return an image with 256 colours of a PIL image: most for large areas, some for strong marks, white exact."""
     from PIL import Image
 
-    areas = image.quantize(208, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    areas = image.quantize(207, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     marks = image.quantize(48, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     palette = Image.new("P", (1, 1))
-    palette.putpalette([*areas.getpalette()[: 3 * 208], *marks.getpalette()[: 3 * 48]])
+    palette.putpalette([255, 255, 255, *areas.getpalette()[: 3 * 207], *marks.getpalette()[: 3 * 48]])
     return palette
 
 
