@@ -33,6 +33,9 @@ SEGMENTS = (
     "torso, waist, chest]"
 )
 WITH_COM = "balance.order=[[left_foot, right_foot, left_sole, right_sole], [com], [waist]]"
+BALANCED = ("posture.null_space={}", "balance.null_space={}")
+STRAIGHT = ("balance.null_space={posture: -0.1}", "balance.damping=0.001", "balance.speed_limits=false")
+"""Legs as straight as the human's leave no way down: the posture bends them, and the guard limits both solvers together."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,10 @@ STABILIZERS = {
                 f"posture.order=[[left_foot, right_foot, left_ankle, right_ankle], {SEGMENTS}]",
                 "balance.order=[[left_foot, right_foot], [com], [waist]]",
             ],
-            **{f"tpose_offset {name}": (WITH_COM,) for name in ("prioritized", "placo")},
-            **{name: ("posture.null_space={}", "balance.null_space={}") for name in ("prioritized", "placo")},
+            **dict.fromkeys(("tpose_offset prioritized", "tpose_offset placo"), (WITH_COM, *BALANCED)),
+            **dict.fromkeys(
+                ("segment_scaling prioritized", "segment_scaling placo"), (BALANCED[0], *STRAIGHT)
+            ),
         },
     ),
 }

@@ -7,7 +7,7 @@ prints the tables and writes nothing unless --docs names a folder. Recordings th
 page says so.
 
 Errors are distances to the targets of eq. 5 after all stages [koenemann2014], in the axes of the link that carries the
-limb. Times are those of the stages; one unit is one 30x30 SVD timed all through the same run.
+limb. Times are CPU times of the stages; one unit is one 30x30 SVD timed all through the same run.
 """
 
 from __future__ import annotations

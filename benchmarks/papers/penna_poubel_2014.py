@@ -7,8 +7,8 @@ prints the tables and writes nothing unless --docs names a folder. Recordings th
 page says so.
 
 A take-off lasts from the human's until the robot's sole is at the height rho at which it is free, a landing from the
-human's until the robot's CoM is back between its feet [pennapoubel2014]. Times are those of the stages; one unit is one
-30x30 SVD timed all through the same run.
+human's until the robot's CoM is back between its feet [pennapoubel2014]. Times are CPU times of the stages; one unit
+is one 30x30 SVD timed all through the same run.
 """
 
 from __future__ import annotations
