@@ -11,7 +11,7 @@ import pytest
 
 from imitor import metrics
 from imitor.metrics.collision import CollisionModel, collision_model, robot_collision_model
-from imitor.metrics.hulls import cache_folder
+from imitor.cache import cache_folder
 from imitor.metrics.kinematics import fresh_model
 from imitor.robot.card import RobotCard
 from imitor.robot.files import ModelFiles

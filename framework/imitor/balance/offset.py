@@ -8,7 +8,7 @@ is 0 over the left foot and 1 over the right one, for human and robot alike.
 
 from __future__ import annotations
 
-from math import sqrt
+from math import atan2, cos, sin, sqrt
 
 import numpy as np
 
@@ -66,6 +66,18 @@ def upright(normal: Array) -> Array:
         return np.asarray(upright(normal * half_turn) * half_turn)
     k = 1.0 / (1.0 + z)
     return np.array([[1.0 - k * x * x, -k * x * y, -x], [-k * x * y, 1.0 - k * y * y, -y], [x, y, z]])
+
+
+def tilt_left(R: Array, turn: float) -> Array:
+    """Return the tilt that is left of a rotation's z axis after it was turned towards the vertical [rad], (3, 3)."""
+    x, y, z = R[:, 2].tolist()
+    across = sqrt(x * x + y * y)
+    angle = max(atan2(across, z) - turn, 0.0)
+    if angle == 0.0 or across < 1e-9:
+        return np.eye(3)
+    c, s, a, b = cos(angle), sin(angle), x / across, y / across  # about the horizontal axis (-b, a, 0)
+    k = 1.0 - c
+    return np.array([[c + k * b * b, -k * a * b, s * a], [-k * a * b, c + k * a * a, s * b], [-s * a, -s * b, c]])
 
 
 def yaw_of(R: Array) -> float:

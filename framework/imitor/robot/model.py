@@ -375,6 +375,14 @@ class RobotModel:
         """Return the configuration at ``share`` of the way from ``q0`` to ``q1``, shape (nq,)."""
         return np.asarray(pin.interpolate(self.model, q0, q1, share))
 
+    def twin(self) -> RobotModel:
+        """Return a robot with a Data of its own, for a stage that looks at other configurations than the state's."""
+        other = copy.copy(self)
+        other.data = other.model.createData()
+        other._frame_views()
+        other.update(other.standing)
+        return other
+
     # ------------------------------------------------------------------ other sizes
 
     def scaled(self, factors: Mapping[str, float]) -> RobotModel:
