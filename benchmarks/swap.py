@@ -32,10 +32,11 @@ SEGMENTS = (
     "[left_upper_arm, right_upper_arm, left_forearm, right_forearm, left_thigh, right_thigh, left_shank, right_shank, "
     "torso, waist, chest]"
 )
+# In `balance`, the CoM stands between feet and trunk. Legs as straight as the human's leave no way down, so the posture
+# bends them; a limit of its own would keep it from undoing what `posture` did, so the guard limits both together.
 WITH_COM = "balance.order=[[left_foot, right_foot, left_sole, right_sole], [com], [waist]]"
 BALANCED = ("posture.null_space={}", "balance.null_space={}")
-STRAIGHT = ("balance.null_space={posture: -0.1}", "balance.damping=0.001", "balance.speed_limits=false")
-"""Legs as straight as the human's leave no way down: the posture bends them, and the guard limits both solvers together."""
+STRAIGHT = ("balance.null_space={posture: -0.1}", "balance.damping=0.003", "balance.speed_limits=false")
 
 
 @dataclass(frozen=True)
@@ -77,13 +78,25 @@ STABILIZERS = {
             ),
         },
     ),
+    "support_transition": Arrangement(
+        "penna_poubel_2014",
+        sets={
+            "tpose_offset": [
+                "solve.order=[[com], [left_foot, right_foot, left_sole, right_sole], [waist_height, waist], "
+                "[left_hand, right_hand]]"
+            ]
+        },
+    ),
 }
 MAPPERS = ("segment_scaling", "tpose_offset")
 SOLVERS = ("prioritized", "damped_least_squares", "placo")
 ROBOTS = ("nao_v4", "unitree_g1", "romeo", "talos")
 SCENARIOS = ("step_forward", "slow_dance")
 CAPTURE = "kinect_v2_irds/216_18_6_1_1_stand.csv"
-RATE_HZ = 30
+
+
+class Refused(Exception):
+    """The builder does not take a combination; says why."""
 
 
 @dataclass
@@ -114,7 +127,6 @@ class Combination:
         plan, mine = STABILIZERS[self.stabilizer], {self.mapper, self.solver}
         uses = [f"map={self.mapper}", *(f"{name}={self.solver}" for name in plan.solvers)]
         sets = [s for words, needed in plan.sets.items() if mine.issuperset(words.split()) for s in needed]
-        sets.append(f"rate_hz={RATE_HZ}")
         return plan.preset, uses, sets
 
     def command(self, robot: str) -> str:
@@ -123,17 +135,29 @@ class Combination:
         words = [f"--use {u}" for u in uses] + [f"--set '{s}'" if "[" in s else f"--set {s}" for s in sets]
         return f"imitor run {preset} --robot {robot} " + " ".join(words)
 
-    def run(self, registry: Registry, robot: str, clip: str | Path, frames: int) -> dict[str, Any]:
+    def run(self, registry: Registry, robot: str, clip: str | Path, seconds: float) -> dict[str, Any]:
         """Run one clip and return its figures.
 
         Raises:
-            ImitorError: It is refused, or a stage failed.
+            Refused: The builder does not take it.
+            ImitorError: A stage failed.
         """
         preset, uses, sets = self.options()
         recording = clip if isinstance(clip, Path) else None
         more = [] if isinstance(clip, Path) else [f"source.scenario={clip}"]
-        spec = load_pipeline(preset, registry, robot=robot, input=recording, uses=uses, sets=[*more, *sets])
-        pipeline = Pipeline(spec, registry)
+        try:
+            spec = load_pipeline(
+                preset, registry, robot=robot, input=recording, uses=uses, sets=[*more, *sets]
+            )
+            pipeline = Pipeline(spec, registry)
+        except SpecError as error:
+            problem = error.problems[0]
+            raise Refused(
+                f"{problem.where}: {problem.message}" if problem.where else problem.message
+            ) from error
+        except ImitorError as error:
+            raise Refused(str(error)) from error
+        frames = round(seconds * pipeline.rate_hz)
         parts = pipeline.robot, pipeline.skeleton, pipeline.rate_hz, pipeline.stack
         recorder = Recorder(RunInfo(Path(), *parts, frames))
         for record in pipeline.records(frames):
@@ -147,17 +171,16 @@ class Combination:
 
 
 def outcome(
-    combination: Combination, registry: Registry, robot: str, clips: Sequence[str | Path], frames: int
+    combination: Combination, registry: Registry, robot: str, clips: Sequence[str | Path], seconds: float
 ) -> Outcome:
     """Run a combination on all clips."""
     found = Outcome()
     for clip in clips:
         name = clip if isinstance(clip, str) else clip.name
         try:
-            figures = combination.run(registry, robot, clip, frames)
-        except SpecError as error:
-            problem = error.problems[0]
-            found.refused = f"{problem.where}: {problem.message}" if problem.where else problem.message
+            figures = combination.run(registry, robot, clip, seconds)
+        except Refused as error:
+            found.refused = str(error)
             return found
         except ImitorError as error:
             found.faults.append(f"{name}: {error}")
@@ -204,7 +227,7 @@ def page(
         "<!-- Written by: python benchmarks/swap.py -->\n",
         "# Parts in every combination\n",
         "Mapper, stabilizers, solver and robot are swapped by options alone. Each cell is the least share of frames",
-        f"with the CoM over the feet that touch the floor, over the first {seconds:g} s of {names}, at {RATE_HZ} Hz;",
+        f"with the CoM over the feet that touch the floor, over the first {seconds:g} s of {names};",
         "no frame is outside joint or speed limits unless it says so. Without a stabilizer nothing holds the CoM. What",
         "cannot work is refused before anything runs.\n",
         "| mapper | stabilizers | solver | " + " | ".join(robots) + " |",
@@ -246,12 +269,13 @@ def main() -> None:
     for row in (Combination(*parts) for parts in rows):
         results[row] = {}
         for robot in robots:
-            found = outcome(row, registry, robot, clips, round(args.seconds * RATE_HZ))
+            found = outcome(row, registry, robot, clips, args.seconds)
             results[row][robot] = found
             more = [found.refused] if found.refused else found.faults
             print(" | ".join([row.mapper, row.stabilizer, row.solver, robot, cell(found), *more]), flush=True)
     if args.docs or not (args.mappers or args.stabilizers or args.solvers or args.robots):
         path = (args.docs or ROOT / "docs") / "swap.md"
+        path.parent.mkdir(parents=True, exist_ok=True)
         with atomic(path) as temporary:
             temporary.write_text(page(results, robots, clips, args.seconds), encoding="utf-8")
         print(f"wrote {path}")
