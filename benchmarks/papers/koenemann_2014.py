@@ -170,7 +170,7 @@ def panels(p: Played) -> list[Panel]:
     mm = 1e3 * p.observed
     for title, a in (("hands", 0), ("feet", 2)):
         lines = [Line(t, mm[:, a], "left", BLUE), Line(t, mm[:, a + 1], "right", RED)]
-        top = max(5.0, 1.1 * float(mm[1:, a : a + 2].max()))
+        top = max(5.5, 1.1 * float(mm[1:, a : a + 2].max()))
         out.append(
             Panel(f"Errors of the {title}", "time [s]", "error [mm]", lines, strips=bars, y_range=(0.0, top))
         )

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.types import Array
-from imitor.visual.palette import reduced
+from imitor.visual.palette import flat
 from imitor.visual.panels import GREY, INK, Colour, Line, Outline, Panel, mixed
 
 _PAPER: Final[Colour] = (255, 255, 255)
@@ -53,7 +53,7 @@ def draw(panels: Sequence[Panel], size_px: tuple[int, int], columns: int = 1) ->
             height * (row + 1) // rows,
         )
         _Axes(image, panel, box).draw()
-    return reduced(image.resize(size_px, Image.Resampling.LANCZOS))
+    return flat(image.resize(size_px, Image.Resampling.LANCZOS))
 
 
 class _Axes:
