@@ -38,17 +38,20 @@ class Case:
         scenario: Name of the scenario; empty for a recording.
         recording: Path of the recording in the folder of captures; empty for a scenario.
         sets: Further options, as for ``--set``.
+        robot: Replaces the preset's.
     """
 
     title: str
     scenario: str = ""
     recording: str = ""
     sets: tuple[str, ...] = ()
+    robot: str = ""
 
     def command(self, preset: str) -> str:
         """Return what a user types for this run."""
         what = f"--input {self.recording}" if self.recording else f"--set source.scenario={self.scenario}"
-        return " ".join([f"imitor run {preset}", what, *(f"--set {s}" for s in self.sets)])
+        robot = [f"--robot {self.robot}"] if self.robot else []
+        return " ".join([f"imitor run {preset}", what, *robot, *(f"--set {s}" for s in self.sets)])
 
 
 @dataclass
@@ -145,7 +148,6 @@ def play(
     preset: str,
     case: Case,
     *,
-    robot: str | None = None,
     captures: Path | None = None,
     frames: int | None = None,
     observe: Observer | None = None,
@@ -156,7 +158,6 @@ def play(
     Args:
         preset: Name of the pipeline.
         case: Scenario or recording.
-        robot: Replaces the preset's.
         captures: The folder of captures.
         frames: Only so many frames.
         observe: Gives a row for every frame, read off the pipeline as it stands.
@@ -168,7 +169,7 @@ def play(
     registry = Registry(entry_points=False)
     sets = [*([f"source.scenario={case.scenario}"] if case.scenario else []), *case.sets]
     recording = captures / case.recording if captures is not None and case.recording else None
-    spec = load_pipeline(preset, registry, robot=robot, input=recording, sets=sets)
+    spec = load_pipeline(preset, registry, robot=case.robot or None, input=recording, sets=sets)
     pipeline = Stopwatch(spec, registry)
     expected = pipeline.n_frames if frames is None else min(frames, pipeline.n_frames or frames)
     info = RunInfo(

@@ -38,6 +38,10 @@ PERFORMER = [
         "slow_dance",
     )
 ]
+OTHER_ROBOTS = [
+    Case(f"two_steps_and_reach on {robot}", scenario="two_steps_and_reach", robot=robot)
+    for robot in ("unitree_g1", "romeo", "talos")
+]
 RECORDED = [
     Case("CMU 49_18, on one leg", recording="cmu_bvh/49_18.bvh"),
     Case("CMU 07_04, slow walk", recording="cmu_bvh/07_04.bvh"),
@@ -78,7 +82,7 @@ def tables(played: Sequence[Played]) -> list[str]:
 
 def paper_table(played: Sequence[Played]) -> str:
     """Return 'paper | ours | command'."""
-    mine = [p for p in played if p.case.scenario]
+    mine = [p for p in played if p.case.scenario and not p.case.robot]
     rows = []
     first = next((p for p in mine if p.case.scenario == "single_leg_balance"), None)
     if first is not None:
@@ -178,4 +182,4 @@ def panels(p: Played) -> list[Panel]:
 
 
 if __name__ == "__main__":
-    Program(PRESET, __doc__ or "", PERFORMER, RECORDED, observe, tables, figures).main()
+    Program(PRESET, __doc__ or "", PERFORMER, [*OTHER_ROBOTS, *RECORDED], observe, tables, figures).main()

@@ -99,7 +99,7 @@ def run_tables(
     rows = []
     for p in played:
         hit = p.figures.get("self_collision_frames", {})
-        name = f"`{p.case.title}`" if p.case.scenario else p.case.title
+        name = f"`{p.case.title}`" if p.case.title == p.case.scenario else p.case.title
         ms = p.ms().mean()
         time = f"{ms:.2f} ({1e-3 * ms / p.unit_s:.1f})"
         rows.append(

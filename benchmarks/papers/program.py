@@ -18,7 +18,8 @@ class Program:
     Attributes:
         preset: The pipeline, and the page in ``docs/presets``.
         text: What ``--help`` says.
-        performer, recorded: The cases, authored and captured.
+        performer: The cases that --quick runs too.
+        more: Recordings and what else takes longer.
         observe: Reads off what the tables need beyond motion and reference.
         tables: Return Markdown of finished runs.
         figures: Draw finished runs into a documentation folder and return their Markdown.
@@ -27,7 +28,7 @@ class Program:
     preset: str
     text: str
     performer: Sequence[Case]
-    recorded: Sequence[Case]
+    more: Sequence[Case]
     observe: Observer | None
     tables: Callable[[Sequence[Played]], list[str]]
     figures: Callable[[Sequence[Played], Path], list[str]]
@@ -41,9 +42,9 @@ class Program:
         """Run the cases asked for, print the tables and write the page."""
         args = self._arguments()
         captures = shared_folder(args.captures)
-        cases = [*self.performer, *([] if args.quick else self.recorded)]
+        cases = [*self.performer, *([] if args.quick else self.more)]
         if args.cases:
-            known = {case.title: case for case in (*self.performer, *self.recorded)}
+            known = {case.title: case for case in (*self.performer, *self.more)}
             unknown = [title for title in args.cases if title not in known]
             if unknown:
                 raise SystemExit(f"no case is called {', '.join(unknown)}; there are: {'; '.join(known)}")
@@ -54,10 +55,10 @@ class Program:
             print(f"{case.title}: {missing.get(case, 'runs')}", flush=True)
             if case in missing:
                 continue
-            changed = replace(case, sets=(*case.sets, *args.sets))
+            changed = replace(case, sets=(*case.sets, *args.sets), robot=args.robot or case.robot)
             played.append(
                 play(
-                    self.preset, changed, robot=args.robot, captures=captures, frames=args.frames,
+                    self.preset, changed, captures=captures, frames=args.frames,
                     observe=self.observe, simulate=not args.quick,
                 )
             )  # fmt: skip
@@ -75,7 +76,7 @@ class Program:
         parser = argparse.ArgumentParser(
             description=self.text, formatter_class=argparse.RawDescriptionHelpFormatter
         )
-        names = "; ".join(case.title for case in (*self.performer, *self.recorded))
+        names = "; ".join(case.title for case in (*self.performer, *self.more))
         parser.add_argument("cases", nargs="*", metavar="CASE", help=names)
         parser.add_argument("--quick", action="store_true", help="scenarios alone, without physics")
         parser.add_argument("--robot", help="replaces the preset's robot")
