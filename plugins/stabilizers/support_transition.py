@@ -109,13 +109,13 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         from imitor.balance.follower import Follower
         from imitor.balance.foot_tasks import FootTasks
         from imitor.balance.landing import landing_region
-        from imitor.balance.offset import tilt_left, yaw, yaw_of
+        from imitor.balance.offset import heading_of, tilt_left, yaw
         from imitor.balance.steps import HumanSteps
         from imitor.balance.swing import Swing
 
         config, robot = self.config, self.robot
         self._table, self._steps = transition.TABLE_I, transition.Step
-        self._yaw, self._yaw_of, self._tilt = yaw, yaw_of, tilt_left
+        self._yaw, self._heading_of, self._tilt = yaw, heading_of, tilt_left
         self.machine = transition.TransitionMachine()
         self._free_yaw = robot.coupling is not None if config.free_yaw is None else config.free_yaw
         self.region = landing_region(robot, free_yaw=self._free_yaw)
@@ -255,13 +255,13 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         """Take the heading of a foot as it is, where headings are free."""
         if self._free_yaw:
             at = self._ankle_on_floor(i)
-            self.place[i][:3, :3] = self._yaw(self._yaw_of(self.robot.rotation(self._feet[i].role)))
+            self.place[i][:3, :3] = self._yaw(self._heading_of(self.robot.rotation(self._feet[i].role)))
             self.place[i][:2, 3] += (at - self._ankle_on_floor(i))[:2]
 
     def _lay(self, i: int) -> None:
         """Take where a foot is as the place on which it stands, flat on the floor."""
         T = self.robot.pose(self._feet[i].role)
-        self.place[i][:3, :3] = self._yaw(self._yaw_of(T[:3, :3]))
+        self.place[i][:3, :3] = self._yaw(self._heading_of(T[:3, :3]))
         self.place[i][:2, 3] = T[:2, 3]
 
     def _ankle_on_floor(self, i: int) -> Array:

@@ -85,6 +85,11 @@ def yaw_of(R: Array) -> float:
     return float(np.arctan2(R[1, 0], R[0, 0]))
 
 
+def heading_of(R: Array) -> float:
+    """Return the heading that a tilted rotation has once it is turned upright the shortest way [rad]."""
+    return yaw_of(upright(R[:, 2]) @ R)
+
+
 def yaw(angle: float) -> Array:
     """Return the rotation about the vertical, shape (3, 3)."""
     c, s = float(np.cos(angle)), float(np.sin(angle))

@@ -56,7 +56,8 @@ class Swing:
         """Go over a place, shape (2,) [m], then straight down to the ground.
 
         Args:
-            place: Where to land; given up for where the foot is when it cannot get there in time.
+            place: Where to land; given up for where the foot is when it cannot get there in time. A foot that is not
+                flat stays up.
             actual: Where the robot's ankle is, shape (3,) [m].
             ground: Height of the ankle when the sole is on the ground [m].
             height: Height at which to go over the place [m]; a foot that is lower stays as low.
@@ -67,7 +68,7 @@ class Swing:
             off = actual[:2] - place
             over = float(off @ off) <= _OVER_M**2 and self._follower.rests_at(self._goal(place, height), _OVER_M)
             late = self._tried_s > self._patience_s
-            if (over and flat) or late:
+            if flat and (over or late):
                 self.descends = True
                 self._held = np.array([*(place if over else actual[:2]), ground])
         return self._follower.step(self._held if self.descends else self._goal(place, height))
