@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -132,7 +133,7 @@ class Combination:
     def command(self, robot: str) -> str:
         """Return what a user types."""
         preset, uses, sets = self.options()
-        words = [f"--use {u}" for u in uses] + [f"--set '{s}'" if "[" in s else f"--set {s}" for s in sets]
+        words = [f"--use {u}" for u in uses] + [f"--set {shlex.quote(s)}" for s in sets]
         return f"imitor run {preset} --robot {robot} " + " ".join(words)
 
     def run(self, registry: Registry, robot: str, clip: str | Path, seconds: float) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from imitor.pipeline import Pipeline
 from imitor.record import Motion, Recorder, Reference
 from imitor.registry import Registry
 from imitor.spec import load_pipeline
-from imitor.types import SIDES, Array, BoolArray
+from imitor.types import SIDES, Array, BoolArray, HumanFrame
 from imitor.visual.clip import make_clip
 
 SHORTEST_S = 0.1
@@ -125,14 +125,22 @@ class Stopwatch(Pipeline):
 
     def _bind(self) -> None:
         super()._bind()
-        self.stage_s = np.zeros(len(self._steps))
-        self._steps = [(where, self._timed(i, step)) for i, (where, step) in enumerate(self._steps)]
+        self.names = [where.split()[-1] for where, c in self.stages if c.kind != "filter"]
+        self.stage_s = np.zeros(len(self.names))
+        self._steps = [(where, self._timed(where, step)) for where, step in self._steps]
 
-    def _timed(self, i: int, step: Any) -> Any:
+    def step(self, frame: HumanFrame) -> HumanFrame:
+        """Compute a command, from 0 on the clocks."""
+        self.stage_s[:] = 0.0
+        return super().step(frame)
+
+    def _timed(self, where: str, step: Any) -> Any:
+        i = self.names.index(where.rsplit(maxsplit=1)[-1])
+
         def timed(frame: Any, state: Any) -> None:
             begin = time.thread_time()
             step(frame, state)
-            self.stage_s[i] = time.thread_time() - begin
+            self.stage_s[i] += time.thread_time() - begin
 
         return timed
 
@@ -198,14 +206,14 @@ def play(
         begin = time.thread_time()
         np.linalg.svd(matrix)
         units.append(time.thread_time() - begin)
-    steps = [(where.split()[-1], c.kind) for where, c in pipeline.stages if c.kind != "filter"]
+    kinds = [c.kind for _, c in pipeline.stages if c.kind != "filter"]
     motion, reference = recorder.motion(), recorder.reference()
     figures = metrics.evaluate(motion, reference, pipeline.robot)["figures"]
     verdict = physics.finish().figures["simulation"] if physics is not None else {}
     pipeline.close()
     return Played(
         case=case, robot=pipeline.robot, run=Run(motion, reference, pipeline.robot, 0), figures=figures,
-        stages=[s for s, _ in steps], kinds=[k for _, k in steps], stage_s=np.array(spent),
+        stages=pipeline.names, kinds=kinds, stage_s=np.array(spent),
         unit_s=float(np.median(units)), observed=np.array(seen), simulation=verdict,
     )  # fmt: skip
 
