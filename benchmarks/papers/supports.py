@@ -56,10 +56,11 @@ def executed(human: BoolArray, robot: BoolArray, shortest: int = 1) -> Iterator[
 def offsets(com: Array, feet: Sequence[Array], support: BoolArray) -> Array:
     """Return the offset of a CoM (T, 3) on the line between the feet (T, 3) [koenemann2014] eq. 6, shape (T,) [-].
 
-    A foot in the air counts where it last stood (or where it will stand, or where it was first).
+    Seen from above; a foot in the air counts where it last stood (or where it will stand, or where it was first).
     """
     left, right = (foot[_last_standing(on)] for foot, on in zip(feet, support.T, strict=True))
-    return np.array([offset_of(*row) for row in zip(com, left, right, strict=True)])
+    on_the_floor = (points[:, :2] for points in (com, left, right))
+    return np.array([offset_of(*row) for row in zip(*on_the_floor, strict=True)])
 
 
 def _last_standing(on: BoolArray) -> Any:
