@@ -56,7 +56,7 @@ class SupportTransitionConfig(Config):
         description="How long a foot tries to get over its landing place before it goes straight down [s].",
     )
     ends: Sequence[str] = Field(
-        ("left_hand", "right_hand", "head"), description="Tasks that are free during transitions [-]."
+        ["left_hand", "right_hand", "head"], description="Tasks that are free during transitions [-]."
     )
     blend_s: float = Field(
         0.5, gt=0, description="Time in which the free ends come back after a transition [s]."
@@ -68,7 +68,7 @@ class SupportTransitionConfig(Config):
 
 
 class SupportTransition(Stabilizer[SupportTransitionConfig]):
-    """Change support in two steps each way, feet held, landing in reach [pennapoubel2014] III, table I (P4-P6, P10-P12).
+    """Change support in two steps each way, landing within reach [pennapoubel2014] III, table I (P4 to P6, P10 to P12).
 
     Before a foot lifts, the robot's CoM goes over the other one; the foot is lifted parallel to the ground to `lift_m`,
     then follows the mapper. To land it goes over its landing place, is lowered flat, then the CoM goes to the middle
@@ -128,6 +128,7 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         self._feet = [FootTasks(robot, i) for i in range(2)]
         lengths = robot.segment_lengths()
         self._leg = _STRAIGHT * sum(lengths[f"left_{part}"] for part in ("thigh", "shank"))
+        self._waist_over_hip = float(robot.position("waist")[2] - robot.position("left_hip")[2])
         self._waist_z, self._com_z = float(robot.position("waist")[2]), float(robot.com[2])
 
     def reset(self) -> None:
@@ -191,7 +192,7 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         there = self._com.rests_at(goal, 1e-4) and float(off @ off) <= self.config.arrived_m**2
         free = machine.free
         lowest, highest = (0.0, 0.0) if free is None else self._sole_heights(free)
-        down = self._swing.descends and highest < _FLAT_M and -_FLAT_M < lowest
+        down = self._swing.descends and highest < _FLAT_M and lowest > -_FLAT_M
         machine.advance(
             frame.support, com_there=there, foot_up=lowest > 0.9 * self.config.lift_m, foot_down=down
         )
@@ -244,10 +245,14 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
             level = highest - lowest < _LEVEL * float(np.ptp(foot.corners[:, 0]))
             lead = (self.place[i][:3, :3] @ foot.sole_to_ankle)[:2]
             height = max(height, foot.over_floor(self.config.clearance_m))
-            ankle = swing.land(self.landing + lead, self.robot.position(foot.ankle_role), ground, height, level)
+            ankle = swing.land(
+                self.landing + lead, self.robot.position(foot.ankle_role), ground, height, level
+            )
         self._turn_freely(i)
         pose = self.place[i].copy()
-        pose[:3, :3] = self._tilt(self.robot.rotation(foot.role), self.config.foot_turn_rad_s * self.dt_s) @ pose[:3, :3]
+        pose[:3, :3] = (
+            self._tilt(self.robot.rotation(foot.role), self.config.foot_turn_rad_s * self.dt_s) @ pose[:3, :3]
+        )
         pose[:3, 3] = ankle - pose[:3, :3] @ foot.sole_to_ankle
         foot.stand(stack, pose, free_yaw=self._free_yaw)
 
@@ -275,16 +280,17 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         return float(heights.min()), float(heights.max())
 
     def _highest_waist(self) -> float:
-        """Return how high the waist can be with both ankles in reach, the hips where they are, over the floor [m]."""
-        robot, free = self.robot, self.machine.free
-        waist = float(robot.position("waist")[2])
-        heights = []
+        """Return how high the waist can be with the feet on the ground in reach of the hips as they are [m]."""
+        machine, heights = self.machine, []
         for i, foot in enumerate(self._feet):
-            hip = robot.position(foot.hip_role)
-            ankle = self._swing.at if i == free else self._ankle_on_floor(i)
+            if i == machine.free and machine.step is not self._steps.LOWER:
+                continue
+            hip, ankle = self.robot.position(foot.hip_role), self._ankle_on_floor(i)
+            if i == machine.free:
+                ankle = self._swing.at
             aside = hip[:2] - ankle[:2]
             up = sqrt(max(self._leg**2 - float(aside @ aside), 0.0))
-            heights.append(waist - float(hip[2]) + float(ankle[2]) + up)
+            heights.append(float(ankle[2]) + up + self._waist_over_hip)
         return min(heights)
 
     def _write_ends(self, stack: TaskStack, tracked: bool) -> None:

@@ -13,7 +13,7 @@ FLAT = (True,) * 6
 
 
 class FootTasks:
-    """One foot's tasks: the pose ``*_foot`` of its sole, or the ankle's position with ``*_sole``; ``*_ankle`` in the air.
+    """One foot's tasks: the pose ``*_foot`` of its sole, or its position with ``*_sole``; in the air ``*_ankle``.
 
     Args:
         robot: The robot, left at its standing posture.

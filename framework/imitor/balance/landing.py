@@ -61,13 +61,17 @@ class LandingRegion:
         along = np.clip(((p - self.polygon) * self._edge).sum(axis=1) / self._length2, 0.0, 1.0)
         on_edge = self.polygon + along[:, None] * self._edge
         best = on_edge[((on_edge - p) ** 2).sum(axis=1).argmin()]
-        return best if side == 0 else best * [1.0, -1.0]
+        return np.asarray(best if side == 0 else best * [1.0, -1.0])
 
 
 def landing_region(robot: RobotModel, *, free_yaw: bool) -> LandingRegion:
     """Return a robot's region, from the cache where it was found before."""
     key = fingerprint(
-        _FORMAT, robot.files.model.read_bytes(), robot.card.model_dump_json(), str(free_yaw), f"{RAYS} {STEP} {FINE}"
+        _FORMAT,
+        robot.files.model.read_bytes(),
+        robot.card.model_dump_json(),
+        str(free_yaw),
+        f"{RAYS} {STEP} {FINE}",
     )
     path = cache_folder() / "landing" / f"{robot.name}-{key}.npy"
     return LandingRegion(kept(path, lambda: _Explorer(robot.twin(), free_yaw).polygon()))

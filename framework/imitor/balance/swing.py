@@ -45,7 +45,7 @@ class Swing:
         return self._follower.step(np.array([self._held[0], self._held[1], height]))
 
     def follow(self, wish: Array, lowest: float) -> Array:
-        """Go where the mapper would have the ankle, shape (3,) [m], at once so high that the sole clears the floor [m]."""
+        """Go where the mapper would have the ankle, shape (3,) [m], at once as high as clears the floor [m]."""
         at = self._follower.step(wish)
         if at[2] < lowest:
             at[2] = lowest
@@ -66,7 +66,9 @@ class Swing:
         if not self.descends:
             self._tried_s += self._dt_s
             off = actual[:2] - place
-            over = float(off @ off) <= _OVER_M**2 and self._follower.rests_at(self._goal(place, height), _OVER_M)
+            over = float(off @ off) <= _OVER_M**2 and self._follower.rests_at(
+                self._goal(place, height), _OVER_M
+            )
             late = self._tried_s > self._patience_s
             if flat and (over or late):
                 self.descends = True

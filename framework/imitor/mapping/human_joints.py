@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from imitor.ik.pose import PoseFinder
 from imitor.robot.model import RobotModel
 from imitor.tasks import Task, TaskStack
