@@ -174,6 +174,23 @@ def test_support_really_changes(scenario: str) -> None:
     pipeline.close()
 
 
+def test_the_target_is_at_the_offset_whatever_the_heights_of_the_feet() -> None:
+    """A posture has one foot higher while the human lifts it, before the robot does."""
+    spec = load_pipeline("koenemann_2014", Registry(entry_points=False))
+    pipeline = Pipeline(spec, Registry(entry_points=False))
+    stage: Any = next(c for _, c in pipeline.stages if c.name == "com_offset")
+    frame = next(pipeline.records(1)).human
+    q = pipeline.robot.standing.copy()
+    q[7 + pipeline.robot.joint_index("RKneePitch")] += 0.8
+    pipeline.robot.update(q)
+    left, right = (pipeline.robot.position(f"{side}_foot").copy() for side in ("left", "right"))
+    assert right[2] - left[2] > 0.03
+    stage.step(frame, pipeline.stack, pipeline.state)
+    offset = offset_of(pipeline.stack["com"].target, left, right)
+    assert offset == pytest.approx(stage.machine.offset, abs=1e-9)
+    pipeline.close()
+
+
 def test_it_needs_a_configuration() -> None:
     text = """
 imitor: 1

@@ -159,8 +159,10 @@ def _write_gif(path: Path, studio: Any) -> None:
     """Write a .gif with one palette for all pictures, so that still parts stay still and cost nothing."""
     from PIL import Image
 
+    from imitor.visual.palette import palette_of
+
     samples = [studio.picture(i) for i in sorted({0, len(studio) // 2, len(studio) - 1})]
-    palette = _palette(Image.fromarray(np.concatenate(samples)))
+    palette = palette_of(Image.fromarray(np.concatenate(samples)))
 
     def reduced(picture: Picture) -> Any:
         return Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
@@ -183,17 +185,6 @@ def _step_s(studio: Any) -> float:
     """Return the mean time from picture to picture [s]."""
     times = studio.time_s
     return float(times[-1] - times[0]) / (len(times) - 1) if len(times) > 1 else 1.0
-
-
-def _palette(image: Any) -> Any:
-    """Return an image with 256 colours: most for the large areas, some for small marks of strong colour."""
-    from PIL import Image
-
-    areas = image.quantize(208, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
-    marks = image.quantize(48, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    palette = Image.new("P", (1, 1))
-    palette.putpalette([*areas.getpalette()[: 3 * 208], *marks.getpalette()[: 3 * 48]])
-    return palette
 
 
 def _write_mp4(path: Path, studio: Any) -> None:

@@ -49,9 +49,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
     to go (left if the wanted offset is smaller than the present one) moves towards the CoM until the CoM projects onto
     the wanted offset; in single support feet keep their places. The normal of the soles points from the wanted offset
     to the CoM. It then sets the robot on the ground: this normal becomes the vertical, the support foot the anchor,
-    flat where it stands; `left_foot` and `right_foot` say where the feet are, soles flat with free yaw, and `waist` how
-    the trunk is turned, its heading free: five coordinates a leg. In double support the foot that carries
-    more weight is the anchor.
+    flat where it stands; `left_foot` and `right_foot` say where the feet are, soles flat with free yaw, `waist` how
+    the trunk is turned, its heading free: five coordinates a leg; and `com` where the CoM is then, for a solver whose
+    feet are given in the world. In double support the foot that carries more weight is the anchor.
 
     A foot that the human has lifted while the robot still stands on it, or both in flight, stays where it is on the
     floor: the pose that the human's raised leg asks for is none to stand in. Sitting and lying down are postures like
@@ -158,6 +158,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         R = line.upright(normal)
         R = line.yaw(line.yaw_of(self._ground[:3, :3]) - line.yaw_of(R @ self._turns[foot])) @ R
         at = self._ground[:3, 3] - R @ standing[foot]  # world of the ground from the present world
+        com = stack["com"]
+        com.target[:] = R @ self.robot.com + at
+        com.mask[:] = (True, True, False)
         waist = R @ self._waist_turn
         waist_at = R @ self._waist_at + at
         floor: list[Array] = []

@@ -10,7 +10,8 @@ import numpy as np
 from pydantic import Field
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
-from imitor.types import Array
+from imitor.errors import ImitorError
+from imitor.types import SIDES, Array
 
 _FLAT_M = 1.5e-3
 """A sole whose corners are all this near the floor lies on it [m]."""
@@ -88,7 +89,18 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
     declares: Mapping[str, TaskKind] = {"waist_height": TaskKind.POSITION}  # type: ignore[misc]
 
     def declare(self, stack: TaskStack) -> None:
-        """Declare the height of the waist."""
+        """Declare the height of the waist.
+
+        Raises:
+            ImitorError: The mapper gives the feet relative to a part that moves.
+        """
+        for side in SIDES:
+            part = stack[f"{side}_foot"].relative_to
+            if part:
+                raise ImitorError(
+                    f"'{side}_foot' is given relative to the {part}, which moves while the feet are to stay where they "
+                    "are; use a mapper that gives the feet in the world, such as segment_scaling"
+                )
         stack.declare("waist_height", TaskKind.POSITION, frame="waist")
 
     def start(self) -> None:
