@@ -205,8 +205,8 @@ def test_with_and_without_the_t_pose_frame_the_take_is_the_same(shared: Path) ->
     np.testing.assert_allclose(a.recording.position, b.recording.position, atol=1e-9, equal_nan=True)
     np.testing.assert_allclose(a.skeleton.rest_position, b.skeleton.rest_position, atol=1e-3)
     relative = known(a.recording.orientation) @ np.swapaxes(known(b.recording.orientation), 2, 3)
-    known = relative[:, a.recording.valid[0]]
-    angle = np.arccos(np.clip((np.trace(known, axis1=2, axis2=3) - 1.0) / 2.0, -1.0, 1.0))
+    turn = relative[:, a.recording.valid[0]]
+    angle = np.arccos(np.clip((np.trace(turn, axis1=2, axis2=3) - 1.0) / 2.0, -1.0, 1.0))
     trunk = ("pelvis", "chest", "head", "left_ankle", "right_ankle", "left_hip", "left_shoulder")
     order = [r for r in ROLE_INDEX if a.recording.valid[0, ROLE_INDEX[r]]]
     assert np.degrees(angle[:, [order.index(r) for r in trunk]]).max() < 0.5
