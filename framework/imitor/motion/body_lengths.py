@@ -113,7 +113,14 @@ def rest_pose(position: Array, height_m: float, ankle_m: float, toe_m: float, ro
         put(f"{side}_ankle", 0.0, y, ankle_m)
         ahead = np.sqrt(max(length["foot"] ** 2 - (ankle_m - toe_m) ** 2, (0.5 * length["foot"]) ** 2))
         put(f"{side}_toe", float(ahead), y, toe_m)
+        put(f"{side}_heel", -_behind(position, ankle_m), y, 0.0)
     return rest
+
+
+def _behind(position: Array, ankle_m: float) -> float:
+    """Return how far the heels lie behind the ankles [m], from their distance and the ankles' height."""
+    length = both_sides(position, "ankle", "heel")
+    return float(np.sqrt(max(length**2 - ankle_m**2, 0.0))) if np.isfinite(length) else 0.5 * ankle_m
 
 
 def filled(position: Array, valid: BoolArray) -> Array:

@@ -14,15 +14,14 @@ from imitor.motion.clip import Clip, window
 from imitor.motion.kinematics import Poses, ancestry
 from imitor.motion.normalise import (
     ANKLE_FRACTION,
-    FLOOR_TOLERANCE_M,
-    TOE_FRACTION,
     UNITS,
     UP_AXES,
     Scale,
-    Stance,
+    choose_floor,
     find_scale,
     find_stance,
     find_up,
+    foot_heights,
     handedness,
     known_roles,
     lateral_axes,
@@ -125,10 +124,10 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
             f"joints are displaced in their parents by up to {displaced * scale.factor:.2f} m: bones stretch"
         )
 
-    floor, why = _floor(stance, options)
+    floor, why = choose_floor(stance, options.floor)
     notes.append(why)
     position[..., 2] -= floor
-    ankle_m, toe_m = _foot_heights(stance, floor, height_m)
+    ankle_m, toe_m = foot_heights(stance, floor, height_m)
     rest_position[:, 2] += ankle_m - np.mean(
         [role(rest_position, f"{s}_ankle")[2] for s in ("left", "right")]
     )
@@ -238,24 +237,6 @@ def _unit_note(scale: Scale, height_m: float, options: ReadOptions) -> str:
         f"no known length unit fits: scaled to {known} stature of {height_m:.2f} m "
         f"(1 unit = {scale.factor:.6g} m); set unit or height_m if you know better"
     )
-
-
-def _floor(stance: Stance, options: ReadOptions) -> tuple[float, str]:
-    if isinstance(options.floor, int | float):
-        return float(options.floor), f"floor: at {options.floor:g} m of the recording, as given"
-    if options.floor == "file":
-        return 0.0, f"floor: the file's zero (the feet stand {stance.floor_m:+.3f} m from it)"
-    if abs(stance.floor_m) <= FLOOR_TOLERANCE_M:
-        return 0.0, "floor: the file's zero"
-    return stance.floor_m, f"floor: {stance.floor_m:+.3f} m in the recording, from the standing feet"
-
-
-def _foot_heights(stance: Stance, floor: float, height_m: float) -> tuple[float, float]:
-    """Return the heights of ankle and toe joints over the floor in use [m]; usual fractions where unknown."""
-    ankle, toe, _ = (h + stance.floor_m - floor for h in stance.height_m)
-    ankle = ankle if np.isfinite(ankle) and ankle > 0.0 else ANKLE_FRACTION * height_m
-    toe = toe if np.isfinite(toe) and toe >= 0.0 else TOE_FRACTION * height_m
-    return float(ankle), float(toe)
 
 
 def _check_sides(path: str | Path, position: Array, notes: list[str]) -> None:
