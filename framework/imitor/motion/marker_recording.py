@@ -30,8 +30,10 @@ from imitor.motion.normalise import (
 )
 from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, Skeleton
 
-BODY: Final = ("pelvis", "neck", *(f"{s}_{j}" for j in ("shoulder", "ankle") for s in SIDES))
-"""Roles that the first and the last frame show, of those that are ever seen: without them a robot has no first pose."""
+TRUNK: Final = ("pelvis", "neck")
+"""Roles without which there is no body."""
+STANCE: Final = tuple(f"{s}_{j}" for j in ("shoulder", "ankle") for s in SIDES)
+"""Roles that the first frame shows too, where there is such a frame: without them a robot has no first pose."""
 NECK_SHARE: Final = 0.315
 """Mid-hip to the neck joint as a fraction of stature."""
 TRUNK_SHARE: Final = 0.288
@@ -175,13 +177,14 @@ def _stature(position: Array) -> float:
 
 
 def _in_view(path: str | Path, position: Array, notes: list[str]) -> tuple[int, int]:
-    """Return the first frame in which the body is seen and the one after the last."""
-    known = np.isfinite(position).all(axis=-1)
-    ever = [r for r in BODY if known[:, ROLE_INDEX[r]].any()]
-    whole = np.flatnonzero(known[:, [ROLE_INDEX[r] for r in ever]].all(axis=1))
-    if len(whole) < _LEAST_FRAMES:
-        raise SourceError(path, f"no two frames show {', '.join(ever)} together: there is no body to imitate")
-    first, last = int(whole[0]), int(whole[-1]) + 1
+    """Return the first frame in which the body is seen and the one after the last that shows the trunk."""
+    known = np.isfinite(position).sum(axis=-1) == 3
+    ever = [r for r in STANCE if known[:, ROLE_INDEX[r]].any()]
+    trunk = np.flatnonzero(known[:, [ROLE_INDEX[r] for r in TRUNK]].all(axis=1))
+    whole = np.flatnonzero(known[:, [ROLE_INDEX[r] for r in (*TRUNK, *ever)]].all(axis=1))
+    if len(trunk) < _LEAST_FRAMES:
+        raise SourceError(path, "no two frames show pelvis and neck: there is no body to imitate")
+    first, last = int(whole[0] if len(whole) else trunk[0]), int(trunk[-1]) + 1
     if last - first < len(position):
         notes.append(
             f"{first} frames before and {len(position) - last} after the body is in view are left out"
