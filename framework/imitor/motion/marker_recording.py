@@ -184,7 +184,9 @@ def _in_view(path: str | Path, position: Array, notes: list[str]) -> tuple[int, 
     whole = np.flatnonzero(known[:, [ROLE_INDEX[r] for r in (*TRUNK, *ever)]].all(axis=1))
     if len(trunk) < _LEAST_FRAMES:
         raise SourceError(path, "no two frames show pelvis and neck: there is no body to imitate")
-    first, last = int(whole[0] if len(whole) else trunk[0]), int(trunk[-1]) + 1
+    first, last = int(trunk[0]), int(trunk[-1]) + 1
+    if len(whole) and last - whole[0] > (last - first) // 2:
+        first = int(whole[0])
     if last - first < len(position):
         notes.append(
             f"{first} frames before and {len(position) - last} after the body is in view are left out"
