@@ -154,7 +154,7 @@ def _unit(
 def _centres(path: str | Path, points: dict[str, Array], options: MarkerOptions) -> tuple[Array, float]:
     """Return role positions and the stature [m]."""
     position = joint_centres(points, options.height_m or DEFAULT_HEIGHT_M)
-    height_m = options.height_m or _stature(position)
+    height_m = options.height_m or stature(position)
     if not np.isfinite(height_m):
         raise SourceError(path, "the markers of pelvis and legs are never seen together: there is no body")
     if not 0.4 < height_m < 3.0:
@@ -164,7 +164,7 @@ def _centres(path: str | Path, points: dict[str, Array], options: MarkerOptions)
     return joint_centres(points, height_m), height_m
 
 
-def _stature(position: Array) -> float:
+def stature(position: Array) -> float:
     """Estimate the stature from legs and trunk [winter2009]; NaN without them [m]."""
     trunk = median(np.linalg.norm(middle(position, "shoulder") - role(position, "pelvis"), axis=-1))
     share = TRUNK_SHARE
