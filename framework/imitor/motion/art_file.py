@@ -16,7 +16,6 @@ from imitor.motion.marker_file import MAX_VALUES
 from imitor.types import Array
 
 PER_TARGET: Final = 7
-LEAST_TARGETS: Final = 5
 _UNIT_TOLERANCE: Final = 0.02
 
 BODY_17: Final[tuple[str, ...]] = (
@@ -28,13 +27,13 @@ BODY_17: Final[tuple[str, ...]] = (
 
 
 def is_target_table(path: Path) -> bool:
-    """Tell from the first line whether a file is a table of rigid targets."""
+    """Tell from the first line whether a file is a table of 17 rigid targets."""
     with path.open("rb") as file:
         head = file.read(65536)
     if b"\0" in head:
         return False
     words = next((line.split() for line in head.decode("latin-1").splitlines() if line.strip()), [])
-    if len(words) % PER_TARGET or len(words) < PER_TARGET * LEAST_TARGETS:
+    if len(words) != PER_TARGET * len(BODY_17):
         return False
     try:
         row = np.array([float(w) for w in words]).reshape(-1, PER_TARGET)

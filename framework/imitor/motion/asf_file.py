@@ -242,7 +242,10 @@ class _Parser:
         for above, below, number in self.children:
             self.number = number
             if above not in index:
-                raise self.fail(self.unknown(above) + " as a parent, before it is a child")
+                known = above in self.bones
+                raise self.fail(
+                    f"'{above}' is a parent before it is a child" if known else self.unknown(above)
+                )
             for name in below:
                 if name not in self.bones:
                     raise self.fail(self.unknown(name))

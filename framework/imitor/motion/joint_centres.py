@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from imitor.motion.body_lengths import median
-from imitor.motion.normalise import unit_vector
+from imitor.motion.normalise import direction
 from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array
 
 Points = Mapping[str, Array]
@@ -44,6 +44,7 @@ NECK_DEPTH: Final = 0.035
 """From C7 or the jugular notch to the middle of both as a fraction of stature [-], for sets with one of them."""
 DEFAULT_SHOULDERS_M: Final = 0.36
 """Distance of the acromions [m], where only one is seen."""
+_PASSES: Final = 3
 _BENT: Final = 0.25
 """Sine of the elbow's bend from which on it tells the elbow's axis [-]."""
 
@@ -71,7 +72,7 @@ def joint_centres(points: Points, height_m: float) -> Array:
     pelvis = 0.5 * (hips["left"] + hips["right"])
     put("pelvis", pelvis)
     neck = _neck(points, pelvis, forward, height_m)
-    trunk = unit_vector(neck - pelvis)
+    trunk = direction(neck - pelvis)
     across = _shoulder_line(points)
     shoulders = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
@@ -90,9 +91,9 @@ def _pelvis(points: Points) -> tuple[Array, Array, Array, float]:
     """Return the pelvis' axes to the left, forward and up, shape (T, 3), and its width between the front spines [m]."""
     left, right = points["left_asis"], points["right_asis"]
     back = points["sacrum"] if "sacrum" in points else 0.5 * (points["left_psis"] + points["right_psis"])
-    lateral = unit_vector(left - right)
+    lateral = direction(left - right)
     ahead = 0.5 * (left + right) - back
-    forward = unit_vector(ahead - lateral * (ahead * lateral).sum(-1, keepdims=True))
+    forward = direction(ahead - lateral * (ahead * lateral).sum(-1, keepdims=True))
     return lateral, forward, _cross(forward, lateral), median(np.linalg.norm(left - right, axis=-1))
 
 
@@ -100,7 +101,7 @@ def _shoulder_line(points: Points) -> Array | None:
     """Return the direction from the right to the left acromion, shape (T, 3)."""
     if "left_shoulder" not in points or "right_shoulder" not in points:
         return None
-    return unit_vector(points["left_shoulder"] - points["right_shoulder"])
+    return direction(points["left_shoulder"] - points["right_shoulder"])
 
 
 def _neck(points: Points, pelvis: Array, forward: Array, height_m: float) -> Array:
@@ -111,7 +112,7 @@ def _neck(points: Points, pelvis: Array, forward: Array, height_m: float) -> Arr
     if one is None:
         return np.asarray(0.5 * (points["left_shoulder"] + points["right_shoulder"]))
     across = _shoulder_line(points)
-    ahead = forward if across is None else unit_vector(_cross(across, unit_vector(one - pelvis)))
+    ahead = forward if across is None else direction(_cross(across, direction(one - pelvis)))
     return np.asarray(one + (1.0 if one is c7 else -1.0) * NECK_DEPTH * height_m * ahead)
 
 
@@ -154,13 +155,13 @@ def _leg(out: Array, points: Points, side: str, sign: float, lateral: Array, hip
     if knee is None:
         axis = lateral
         if heel is not None and toe is not None:
-            foot = unit_vector(_cross(outer - points[f"{side}_ankle_lateral"], toe - heel))
+            foot = direction(_cross(outer - points[f"{side}_ankle_lateral"], toe - heel))
             axis = np.where(np.isfinite(foot), lateral + foot, lateral)
         knee = inwards_of(outer, hip, sign * axis, HALF_WIDTH_M["knee"])
     ankle = _between(points, side, "ankle")
     if ankle is None:
         ankle = inwards_of(
-            points[f"{side}_ankle_lateral"], knee, unit_vector(outer - knee), HALF_WIDTH_M["ankle"]
+            points[f"{side}_ankle_lateral"], knee, direction(outer - knee), HALF_WIDTH_M["ankle"]
         )
     out[:, ROLE_INDEX[f"{side}_knee"]] = knee
     out[:, ROLE_INDEX[f"{side}_ankle"]] = ankle
@@ -180,8 +181,14 @@ def _arm(
     wrist = points.get(f"{side}_wrist") if wrist is None else wrist
     elbow = _between(points, side, "elbow")
     if elbow is None:
-        axis = elbow_axis(shoulder, outer, wrist, across)
-        elbow = outer if axis is None else inwards_of(outer, shoulder, sign * axis, HALF_WIDTH_M["elbow"])
+        elbow = outer
+        for _ in range(
+            _PASSES
+        ):  # the marker lies beside the plane of the arm: the axis gets better with the centre
+            axis = elbow_axis(shoulder, elbow, wrist, across)
+            if axis is None:
+                break
+            elbow = inwards_of(outer, shoulder, sign * axis, HALF_WIDTH_M["elbow"])
     out[:, ROLE_INDEX[f"{side}_elbow"]] = elbow
     if wrist is None:
         return
@@ -210,7 +217,7 @@ def inwards_of(outer: Array, above: Array, outwards: Array, half_width_m: float)
     limb = above - outer
     length = np.linalg.norm(limb, axis=-1, keepdims=True)
     along = limb / length
-    inwards = -unit_vector(outwards - along * (outwards * along).sum(-1, keepdims=True))
+    inwards = -direction(outwards - along * (outwards * along).sum(-1, keepdims=True))
     cosine = np.clip(half_width_m / length, 0.0, 0.5)
     return np.asarray(outer + half_width_m * (cosine * along + np.sqrt(1.0 - cosine**2) * inwards))
 
@@ -227,18 +234,18 @@ def elbow_axis(shoulder: Array, elbow: Array, wrist: Array | None, across: Array
     """
     if wrist is None:
         return across
-    upper, lower = unit_vector(elbow - shoulder), unit_vector(wrist - elbow)
+    upper, lower = direction(elbow - shoulder), direction(wrist - elbow)
     normal = _cross(lower, upper)
     bend = np.linalg.norm(normal, axis=-1)
     bent = np.flatnonzero(bend > _BENT)
     if not len(bent):
         return across
-    axis = np.asarray(unit_vector(normal))
+    axis = np.asarray(direction(normal))
     straight = np.flatnonzero(~(bend > _BENT) & np.isfinite(bend))
     for k in range(3):
         axis[straight, k] = np.interp(straight, bent, axis[bent, k])
     axis -= upper * (axis * upper).sum(-1, keepdims=True)
-    return np.asarray(unit_vector(axis))
+    return np.asarray(direction(axis))
 
 
 def _cross(a: Array, b: Array) -> Array:

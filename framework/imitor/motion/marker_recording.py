@@ -21,12 +21,12 @@ from imitor.motion.normalise import (
     UP_AXES,
     Stance,
     choose_floor,
+    direction,
     find_stance,
     find_up,
     foot_heights,
     middle,
     role,
-    unit_vector,
 )
 from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, Skeleton
 
@@ -242,9 +242,9 @@ def _put_heels_down(position: Array, flat: BoolArray) -> None:
     """
     for i, side in enumerate(SIDES):
         ankle, heel, toe = (role(position, f"{side}_{name}") for name in ("ankle", "heel", "toe"))
-        ahead = unit_vector(toe - heel)
+        ahead = direction(toe - heel)
         rise = ankle - heel
-        second = unit_vector(rise - ahead * (rise * ahead).sum(-1, keepdims=True))
+        second = direction(rise - ahead * (rise * ahead).sum(-1, keepdims=True))
         axes = np.stack([ahead, second, np.cross(ahead, second)], axis=-1)  # world from foot
         down = (np.swapaxes(axes, 1, 2) @ (heel * (0.0, 0.0, -1.0))[..., None])[..., 0]
         down = down[flat[:, i] & np.isfinite(down).all(axis=-1)]

@@ -70,6 +70,12 @@ def unit_vector(vector: Array) -> Array:
     return np.asarray(np.divide(vector, length, out=np.zeros_like(vector), where=length > 0.0))
 
 
+def direction(vector: Array) -> Array:
+    """Return vectors of length 1, shape (..., 3); of zero and of what is not known NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
+
+
 def snap_rate(frame_time_s: float) -> float:
     """Return the frame rate [Hz]: a usual one when within 0.1 %, since written times are rounded."""
     raw = 1.0 / frame_time_s

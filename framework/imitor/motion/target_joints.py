@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from imitor.motion.joint_centres import CHEST_SHARE, HAND_SHARE
-from imitor.motion.normalise import unit_vector
+from imitor.motion.normalise import direction
 from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array
 
 Poses = Mapping[str, Array]
@@ -46,15 +46,15 @@ def target_joints(pose: Poses, height_m: float) -> Array:
         return place
 
     shoulders = 0.5 * (at("left_shoulder") + at("right_shoulder"))
-    trunk = unit_vector(shoulders - at("hip"))
+    trunk = direction(shoulders - at("hip"))
     across = at("left_shoulder") - at("right_shoulder")
-    lateral = unit_vector(across - trunk * (across * trunk).sum(-1, keepdims=True))
+    lateral = direction(across - trunk * (across * trunk).sum(-1, keepdims=True))
     H = height_m
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         s = f"{side}_"
         shoulder = put(f"{s}shoulder", "torso", f"{s}upper_arm", at(f"{s}shoulder") - _DROP * H * trunk)
         hand = at(f"{s}hand")
-        wrist_guess = hand + _WRIST * H * unit_vector(at(f"{s}forearm") - hand)
+        wrist_guess = hand + _WRIST * H * direction(at(f"{s}forearm") - hand)
         bend = _bend(shoulder, at(f"{s}upper_arm"), wrist_guess, at(f"{s}forearm"))
         elbow = put(f"{s}elbow", f"{s}upper_arm", f"{s}forearm", bend)
         wrist = put(f"{s}wrist", f"{s}forearm", f"{s}hand", wrist_guess)
@@ -63,7 +63,7 @@ def target_joints(pose: Poses, height_m: float) -> Array:
             f"{s}hip", "hip", f"{s}thigh", at("hip") + H * (sign * _HIP_HALF * lateral - _HIP_DOWN * trunk)
         )
         foot = at(f"{s}foot")
-        ankle_guess = foot + _ANKLE * H * unit_vector(at(f"{s}shin") - foot)
+        ankle_guess = foot + _ANKLE * H * direction(at(f"{s}shin") - foot)
         knee = _bend(hip, at(f"{s}thigh"), ankle_guess, at(f"{s}shin"))
         put(f"{s}knee", f"{s}thigh", f"{s}shin", knee)
         put(f"{s}ankle", f"{s}shin", f"{s}foot", ankle_guess)
