@@ -52,6 +52,25 @@ _ORDER: Final = (
 MARKERS_41: Final[tuple[str, ...]] = tuple(_ORDER.split())
 """Names of the 41 markers, in the order of ``HumanFrame.marker``."""
 
+_MIDDLE_SEGMENTS: Final = {
+    "head": "LFHD RFHD LBHD RBHD",
+    "thorax": "C7 T10 CLAV STRN RBAC LSHO RSHO",
+    "pelvis": "LFWT RFWT LBWT RBWT",
+}
+_SIDED_SEGMENTS: Final = {
+    "upper_arm": "SHO UPA ELB", "forearm": "ELB FRM WRA WRB", "hand": "WRA WRB FIN", "thigh": "THI KNE",
+    "shank": "KNE SHN ANK", "foot": "ANK HEE TOE MT5",
+}  # fmt: skip
+MARKER_SEGMENTS: Final[Mapping[str, tuple[str, ...]]] = {
+    **{name: tuple(labels.split()) for name, labels in _MIDDLE_SEGMENTS.items()},
+    **{
+        f"{side}_{name}": tuple(side[0].upper() + label for label in labels.split())
+        for side in SIDES
+        for name, labels in _SIDED_SEGMENTS.items()
+    },
+}
+"""Segment of the body to the markers that move with it; those at a joint belong to both sides of it."""
+
 _TARGETS_MIDDLE: Final[Mapping[str, _Place]] = {
     "head": ("head", (0.000, 0.000, 0.100)),
     "torso": ("chest", (-0.070, 0.000, 0.040)),
