@@ -70,7 +70,8 @@ class PointTracker:
         self.options = options
         self.most_frames = int(np.floor(options.max_gap_s / dt_s + 1e-9))
         self._companions: list[list[IntArray]] = [
-            [np.asarray(group, dtype=np.int_) for group in groups if len(group)] for groups in companions
+            [np.asarray(group, dtype=np.int_) for group in sorted(groups, key=len, reverse=True) if group]
+            for groups in companions
         ]
         self._F, self._Q = _model(options, dt_s)
         self._blend = 1.0 - float(np.exp(-dt_s / options.home_s))
@@ -102,6 +103,7 @@ class PointTracker:
             Positions, NaN where not known, and which are known: seen or bridged.
         """
         measured = np.where(seen[:, None], position, np.nan)
+        self._remember(self._last, seen)
         self._move(measured)
         self._x[:, 0] -= self._home
         self._x = np.einsum("ij,njk->nik", self._F, self._x)
@@ -117,7 +119,6 @@ class PointTracker:
             for i in lost:
                 self._help(int(i), measured)
         self._home[seen] += self._blend * (measured[seen] - self._origin - self._home[seen])
-        self._remember(measured, seen)
         known = seen | ((self._age > 0) & (self._age <= self.most_frames))
         out = np.where(seen[:, None], position, self._x[:, 0] + self._origin)
         out[~known] = np.nan
@@ -157,21 +158,23 @@ class PointTracker:
         for group, then in zip(self._companions[i], before, strict=True):
             now = measured[group]
             good = np.isfinite(now[:, 0]) & np.isfinite(then[:, 0])
-            if good.any():
-                found.append(_carried(own, then[good], now[good]))
+            if not good.any():
+                continue
+            place, exact = _carried(own, then[good], now[good])
+            if exact:
+                found = [place]
+                break
+            found.append(place)
         if not found:
             return
-        full = [place for place, exact in found if exact]
-        place = np.mean(full or [place for place, _ in found], axis=0)
-        noise = self.options.rigid_noise_m * (1.0 if full else _VAGUE)
+        noise = self.options.rigid_noise_m * (1.0 if exact else _VAGUE)
+        place = np.mean(found, axis=0)
         self._correct(np.array([i]), place[None], noise)
 
-    def _remember(self, measured: Array, seen: BoolArray) -> None:
-        if not self.options.rigid:
-            return
-        for i in np.flatnonzero(seen):
-            if self._companions[i]:
-                self._shape[i] = (measured[i], [measured[group] for group in self._companions[i]])
+    def _remember(self, before: Array, seen: BoolArray) -> None:
+        """Keep how points that have just been lost lay among their companions in the frame before."""
+        for i in np.flatnonzero(np.isfinite(before[:, 0]) & ~seen):
+            self._shape[i] = (before[i], [before[group] for group in self._companions[i]])
 
 
 def _model(options: TrackerOptions, dt: float) -> tuple[Array, Array]:
@@ -228,8 +231,9 @@ def _carried(own: Array, before: Array, now: Array) -> tuple[Array, bool]:
         return b + (vt.T * [1.0, 1.0, sign]) @ u.T @ arm, True
     line, other = A[np.argmax((A * A).sum(1))], B[np.argmax((A * A).sum(1))]
     line, other = line / np.linalg.norm(line), other / np.linalg.norm(other)
-    axis, cosine = np.cross(line, other), float(line @ other)
+    cosine = float(line @ other)
     if cosine < -0.99:
         return b + arm, False
-    turned = cosine * arm + np.cross(axis, arm) + axis * (axis @ arm) / (1.0 + cosine)
-    return b + turned, False
+    both = line + other  # the shortest turn: two mirrorings, at the half way between and at the line
+    mirrored = arm - 2.0 * line * (line @ arm)
+    return b + mirrored - both * (both @ mirrored) / (1.0 + cosine), False
