@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imitor.errors import ImitorError
-from imitor.ik.limbs import CHAINS, LimbRows, LimitWeights, chain_joints, damped_step
+from imitor.ik.anchored import AnchoredRows
+from imitor.ik.limbs import CHAINS, DampedStep, LimitWeights, chain_joints
 from imitor.plugins.solvers.damped_least_squares import DampedLeastSquares, DampedLeastSquaresConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskKind, TaskStack
@@ -73,7 +74,7 @@ def test_the_step_is_the_weighted_optimum(seed: int, n: int, damping: float) -> 
     J, e, inverse = rng.normal(size=(n, 7)), rng.normal(size=n), rng.uniform(0.1, 1.0, 7)
     W = np.diag(1.0 / inverse)
     expected = np.linalg.solve(J.T @ J + damping**2 * W, J.T @ e)  # minimises |J v - e|^2 + damping^2 v'Wv
-    np.testing.assert_allclose(damped_step(J, e, inverse, damping**2), expected, atol=1e-8)
+    np.testing.assert_allclose(DampedStep(n, 7)(J, e, inverse, damping**2), expected, atol=1e-8)
 
 
 @given(seed=st.integers(0, 2**31))
@@ -84,10 +85,10 @@ def test_stacked_limbs_are_solved_each_by_itself(seed: int) -> None:
     J = np.zeros((12, 20))
     for i, (block, _, _) in enumerate(blocks):
         J[3 * i : 3 * i + 3, 5 * i : 5 * i + 5] = block
-    whole = damped_step(
+    whole = DampedStep(12, 20)(
         J, np.concatenate([b[1] for b in blocks]), np.concatenate([b[2] for b in blocks]), 0.09
     )
-    each = np.concatenate([damped_step(*block, 0.09) for block in blocks])
+    each = np.concatenate([DampedStep(3, 5)(*block, 0.09) for block in blocks])
     np.testing.assert_allclose(whole, each, atol=1e-12)
 
 
@@ -103,6 +104,14 @@ def test_a_joint_slows_towards_a_limit_only(share: float, step: float) -> None:
             continue  # it crosses the middle
         inverse = float(weights.inverse(q + direction * step)[0])
         assert (inverse < 1.0) if slowed else (inverse == 1.0)
+
+
+def test_a_joint_held_at_its_limit_stays_slow_and_is_free_once_it_leaves() -> None:
+    weights = LimitWeights(np.array([-1.0]), np.array([2.0]))
+    for q in (1.9, 2.0):
+        weights.inverse(np.array([q]))
+    assert float(weights.inverse(np.array([2.0]))[0]) < 1e-3
+    assert float(weights.inverse(np.array([2.0 - 1e-6]))[0]) == 1.0
 
 
 def test_the_weight_is_the_slope_of_the_limit_function() -> None:
@@ -180,7 +189,7 @@ def test_the_quick_loop_takes_the_same_steps(
     chains, out = ["left_arm", "right_arm", "left_leg", "right_leg"], []
     for quick in (True, False):
         if not quick:
-            monkeypatch.setattr(LimbRows, "fits", staticmethod(lambda *_: False))
+            monkeypatch.setattr(AnchoredRows, "fits", staticmethod(lambda *_: False))
         solver, stack, state = make(robot, chains=chains, tolerance=tolerance)
         aim(robot, stack, near(robot, 11, tuple(chains), 0.2))
         robot.update(state.q)
@@ -190,6 +199,85 @@ def test_the_quick_loop_takes_the_same_steps(
         out.append(state.q.copy())
         assert np.abs(state.q[7:] - robot.standing[7:]).max() > 0.02
     np.testing.assert_allclose(out[0], out[1], atol=1e-9 if tolerance is None else 2e-2)
+
+
+FEET_ON_THE_GROUND = [("left_foot", "waist"), ("right_foot", "waist")]
+
+
+def on_the_ground(
+    robot: RobotModel, poses: bool, **options: Any
+) -> tuple[DampedLeastSquares, TaskStack, Configuration]:
+    """Return a solver for a robot that stands on its left foot: feet, their soles and the trunk, weighted."""
+    stack = TaskStack(robot.n)
+    for name, carrier in FEET_ON_THE_GROUND:
+        if poses:
+            stack.declare(name, TaskKind.POSE, frame=name)
+        else:
+            stack.declare(name, TaskKind.POSITION, frame=name, relative_to=carrier)
+            stack.declare(f"{name}_sole", TaskKind.ORIENTATION, frame=name)
+    stack.declare("waist", TaskKind.ORIENTATION, frame="waist")
+    stack.compile()
+    weights = {"waist": 0.5, "right_foot": 2.0}
+    solver = DampedLeastSquares(DampedLeastSquaresConfig(weights=weights, **options), make_context(robot))
+    solver.prepare(stack)
+    solver.reset()
+    q = near(robot, 4, ("left_leg", "right_leg"), 0.25)
+    robot.update(q)
+    for t in stack:
+        turn = robot.rotation(t.frame)
+        if t.kind is TaskKind.POSE:
+            t.target[:] = robot.pose(t.frame)
+            t.mask[:] = (True, True, True, True, True, False)
+        elif t.kind is TaskKind.ORIENTATION:
+            t.target[:] = turn
+            t.mask[:] = (True, True, False)
+        else:
+            at = robot.position(t.frame) - robot.position(t.relative_to)
+            t.target[:] = at @ robot.rotation(t.relative_to)
+    stack["waist"].gain[0] = 0.8
+    stack.anchor, stack.anchor_pose[:] = "left_foot", robot.pose("left_foot")
+    state = Configuration(robot.standing.copy(), np.ones(2, dtype=bool))
+    robot.update(state.q)
+    return solver, stack, state
+
+
+@pytest.mark.parametrize("poses", [False, True])
+@pytest.mark.parametrize("chains", [["left_leg", "right_leg"], ["left_leg", "right_leg", "shared", "trunk"]])
+def test_the_base_may_stay_while_the_joints_iterate(
+    robot: RobotModel, poses: bool, chains: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Targets in the world, seen from the anchor, give the steps of a base that is placed in every iteration."""
+    out = []
+    for quick in (True, False):
+        if not quick:
+            monkeypatch.setattr(AnchoredRows, "fits", staticmethod(lambda *_: False))
+        solver, stack, state = on_the_ground(robot, poses, chains=chains, iterations=7)
+        for _ in range(2):
+            solver.step(stack, state)
+            assert robot.is_at("left_foot", stack.anchor_pose)
+        assert solver.spent == 7
+        assert np.abs(state.q[7:] - robot.standing[7:]).max() > 0.02
+        out.append(state.q.copy())
+    np.testing.assert_allclose(out[0], out[1], atol=1e-9)
+
+
+def test_damping_that_falls_takes_fewer_iterations(robot: RobotModel) -> None:
+    spent, out = [], []
+    for full in (None, 0.2):
+        solver, stack, state = on_the_ground(
+            robot,
+            False,
+            chains=["left_leg", "right_leg"],
+            iterations=1000,
+            tolerance={"position_m": 1e-4, "orientation_rad": 1e-3},
+            full_damping_error=full,
+            speed_limits=False,
+        )
+        solver.step(stack, state)
+        spent.append(solver.spent)
+        out.append([robot.position(name).copy() for name in ("right_foot", "waist")])
+    assert spent[1] <= 0.6 * spent[0]
+    np.testing.assert_allclose(out[0], out[1], atol=2e-3)
 
 
 def test_coupled_joints_stay_coupled() -> None:

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from imitor import metrics
+from imitor.cache import cache_folder
 from imitor.metrics.collision import CollisionModel, collision_model, robot_collision_model
-from imitor.metrics.hulls import cache_folder
 from imitor.metrics.kinematics import fresh_model
 from imitor.robot.card import RobotCard
 from imitor.robot.files import ModelFiles

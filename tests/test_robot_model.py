@@ -44,6 +44,19 @@ def random_configuration(robot: RobotModel, rng: np.random.Generator) -> np.ndar
     return q
 
 
+def test_frames_may_be_updated_alone(robot: RobotModel) -> None:
+    rng = np.random.default_rng(3)
+    q, roles = random_configuration(robot, rng), ("left_hand", "right_foot")
+    robot.update(q)
+    there = [robot.pose(role) for role in roles]
+    jacobian = robot.jacobian.copy()
+    robot.update(robot.standing)
+    robot.update_frames(q, [robot.frame_id(role) for role in roles])
+    np.testing.assert_allclose([robot.pose(role) for role in roles], there, atol=1e-12)
+    np.testing.assert_allclose(robot.jacobian, jacobian, atol=1e-12)
+    robot.update(robot.standing)
+
+
 # ---------------------------------------------------------------- standing and roles
 
 

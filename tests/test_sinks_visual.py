@@ -14,13 +14,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from imitor.cache import cache_folder
 from imitor.registry import Registry
 from imitor.robot.files import share_of
 from imitor.robot.model import RobotModel
 from imitor.types import N_ROLES, ROLE_INDEX
 from imitor.visual import camera, shapes
 from imitor.visual.clip import Clip, make_clip, rotation_matrices, rows_at
-from imitor.visual.geometry import Part, cache_folder, robot_parts
+from imitor.visual.geometry import Part, robot_parts
 from imitor.visual.shapes import Surface
 from imitor.visual.stick import HEAD_RADIUS, head_centre, stick_figure
 

@@ -31,7 +31,7 @@ from imitor.robot.model import RobotModel
 from imitor.safety.guard import Guard
 from imitor.spec import PipelineSpec, StageSpec
 from imitor.tasks import TaskStack
-from imitor.types import Configuration, HumanFrame, Skeleton
+from imitor.types import Array, Configuration, HumanFrame, Skeleton
 
 
 class Pipeline:
@@ -149,6 +149,12 @@ class Pipeline:
             (where, _settling(c, self.stack) if isinstance(c, Solver) else _bound(c, self.stack))
             for where, c in stages
         ]
+        self._solved = _Solved(self.robot)
+        solvers = [i for i, (_, c) in enumerate(stages) if isinstance(c, Solver)]
+        if solvers and any(isinstance(c, Postprocessor) for _, c in stages[solvers[-1] :]):
+            for steps in (self._steps, self._first_steps):
+                steps.insert(solvers[-1] + 1, (stages[solvers[-1]][0], self._solved.keep))
+                steps.insert(solvers[0], (stages[solvers[0]][0], self._solved.resume))
 
     # ------------------------------------------------------------------ running
 
@@ -157,6 +163,7 @@ class Pipeline:
         for _, component in self.stages:
             component.reset()
         self.guard.reset()
+        self._solved.reset()
         self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         self.robot.update(self.state.q)
         self._index = 0
@@ -295,6 +302,31 @@ def _bound(component: Component[Any], stack: TaskStack) -> Step:
         change = component.step
         return lambda frame, state: change(stack, state)
     raise ImitorError(f"{type(component).__name__} is no stage")
+
+
+class _Solved:
+    """What the solvers found, before post-processing: where they go on from in the next frame.
+
+    A solver that started from a corrected configuration would work against the correction frame after frame, and
+    joints that neither holds would drift away.
+    """
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._robot = robot
+        self._q: Array | None = None
+
+    def reset(self) -> None:
+        self._q = None
+
+    def keep(self, frame: HumanFrame, state: Configuration) -> None:
+        if self._q is None:
+            self._q = state.q.copy()
+        self._q[:] = state.q
+
+    def resume(self, frame: HumanFrame, state: Configuration) -> None:
+        if self._q is not None and np.isfinite(self._q).all():
+            state.q[:] = self._q
+            self._robot.update(state.q)
 
 
 def _settling(solver: Solver[Any], stack: TaskStack) -> Step:

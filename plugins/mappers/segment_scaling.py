@@ -21,6 +21,16 @@ class SegmentScalingConfig(Config):
     anchor: bool = Field(
         True, description="Fix the support foot to the world exactly; no: feet are tasks only."
     )
+    support: Literal["human", "robot"] = Field(
+        "human",
+        description="Whose support decides which feet stand: the human's; or the robot's own, where a stabilizer "
+        "(support_transition) changes it in its own time and the body is to stand on the feet the robot has.",
+    )
+    posture: Literal["standing", "human"] = Field(
+        "standing",
+        description="Target of the task `posture`: the standing posture, or the human's joint values in the robot's "
+        "joint structure (eq. 8).",
+    )
     free_foot: Literal["position", "ground"] = Field(
         "position",
         description="What is tracked of the ankle of a foot in the air: position, its scaled place; ground, only its "
@@ -82,6 +92,7 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         """Declare the tasks the robot has frames for."""
         from imitor.ik.vectors import cross3
         from imitor.mapping.footing import Footing, FootSettings
+        from imitor.mapping.human_joints import HumanJoints
         from imitor.mapping.scaled_body import POINTS, ScaledBody
 
         robot, config = self.robot, self.config
@@ -120,13 +131,18 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._posture = stack.declare("posture", TaskKind.POSTURE)
         self._hips, self._torso, self._shoulders = index("hips"), index("torso"), index("shoulders")
         self._ankles = np.array([POINTS.index(f"{side}_ankle") for side in SIDES])
+        shape = [task for task, _ in self._directions] + [self._waist, self._chest, *self._soles]
+        self._human_joints = HumanJoints(robot, shape) if config.posture == "human" else None
 
     def reset(self) -> None:
         """Forget directions, feet and CoM."""
         self._com_offset = np.zeros(3)
         self._hips_were_seen = True
+        self._first = True
         self._body.reset()
         self._footing.reset()
+        if self._human_joints is not None:
+            self._human_joints.reset()
 
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame."""
@@ -137,8 +153,11 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             task.target[:] = direction[i]
         self._write_frames(direction)
         support = frame.support
+        if config.support == "robot":
+            support = None if self._first else Support(bool(stack.contact[0]), bool(stack.contact[1]))
         if support is None or not body.legs_known:  # who was not seen yet stands
             support = Support(True, True)
+        self._first = False
         if body.hips_seen and not self._hips_were_seen:
             footing.rebase(body.mid_hip)
         self._hips_were_seen = body.hips_seen
@@ -151,7 +170,6 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         if frame.com is not None and body.hips_seen:
             self._com_offset = body.leg_ratio * (frame.com - body.mid_hip)
         self._com.target[:] = mid_hip + self._com_offset
-        self._posture.target[:] = self.robot.standing[7:]
         stack.contact[:] = footing.contact
         flight = footing.anchor < 0  # then the feet are all that places the robot
         for i, foot in enumerate(footing.feet):
@@ -169,6 +187,8 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
             stack.anchor = held.role
             stack.anchor_pose[:] = held.pose
             self._feet[footing.anchor].active[0] = False
+        joints = self._human_joints
+        self._posture.target[:] = self.robot.standing[7:] if joints is None else joints.step()
 
     def _write_frames(self, direction: np.ndarray) -> None:
         """Orientations of waist and chest: left from the hips and shoulders, up from the torso."""

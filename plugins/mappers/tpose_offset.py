@@ -12,6 +12,7 @@ from imitor import Component, Config, HumanFrame, ImitorError, Mapper, TaskKind,
 from imitor.types import SIDES, Array
 
 Vector = tuple[float, float, float]
+_FREE_HEADING = np.array([True, True, False])
 
 
 class TposeOffsetConfig(Config):
@@ -113,6 +114,7 @@ class TposeOffset(Mapper[TposeOffsetConfig]):
             )
         self.human_reference = human
         self.ratio = np.linalg.norm(self._limbs.reference, axis=1) / length
+        self._ratio_column, self._leg_ratio = self.ratio[:, None], float(self.ratio[2:].mean())
 
     def calibrate(self, frames: Sequence[HumanFrame]) -> None:
         """Look for the T-pose; its frames are averaged."""
@@ -135,16 +137,18 @@ class TposeOffset(Mapper[TposeOffsetConfig]):
         """Forget the last targets."""
         self._human.reset()
         self.limb_targets = self._limbs.origin + self._limbs.standing
-        self._ground = np.zeros(2)
+        self._ground = (0.0, 0.0)
         self._support = -1
 
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame."""
         human, limbs = self._human, self._limbs
         human.take(frame)
-        change = self.ratio[:, None] * (human.vectors - self.human_reference)  # eqs. 2 and 3
+        change = self._ratio_column * (human.vectors - self.human_reference)  # eqs. 2 and 3
         target = limbs.origin + limbs.within_reach(limbs.reference + change)  # eq. 5
-        self.limb_targets = np.where(human.seen[:, None], target, self.limb_targets)
+        if not human.seen.all():
+            target = np.where(human.seen[:, None], target, self.limb_targets)
+        self.limb_targets = target
         for task, place in zip(self._tasks, self.limb_targets, strict=True):
             task.target[:] = place
         support = frame.support
@@ -156,29 +160,30 @@ class TposeOffset(Mapper[TposeOffsetConfig]):
         heading = self._yaw(self._yaw_of(R))
         for sole, stands in zip(self._soles, contact, strict=True):
             sole.target[:] = heading
-            sole.mask[:] = (True, True, False)
+            sole.mask[:] = _FREE_HEADING
             sole.active[0] = stands
         self._place_waist(stack, R, contact)
         if frame.com is not None and human.waist_seen:
-            offset = float(self.ratio[2:].mean()) * (frame.com - human.mid_hip)
-            self._com.target[:] = stack.anchor_pose[:3, 3] + R @ self._limbs.mid_hip + offset
+            offset = self._leg_ratio * (frame.com - human.mid_hip)
+            self._com.target[:] = stack.anchor_pose[:3, 3] + R.dot(self._limbs.mid_hip) + offset
         self._posture.target[:] = self.robot.standing[7:]
 
     def _place_waist(self, stack: TaskStack, R: Array, contact: Sequence[bool]) -> None:
         """Anchor the waist so that the foot that stands keeps its place on the ground."""
-        feet = self.limb_targets[2:] @ R.T
-        lowest = int(feet[:, 2].argmin())
-        foot = lowest if not any(contact) or all(contact) else int(contact[1])
+        feet = self.limb_targets[2:].dot(R.T).tolist()
+        lowest = 0 if feet[0][2] <= feet[1][2] else 1
+        foot = lowest if contact[0] == contact[1] else int(contact[1])
+        x, y, z = feet[foot]
         if self._support < 0:
-            self._ground = feet[foot, :2].copy()
+            self._ground = (x, y)
         elif foot != self._support:
-            self._ground = self._ground + feet[foot, :2] - feet[self._support, :2]
+            last = feet[self._support]
+            self._ground = (self._ground[0] + x - last[0], self._ground[1] + y - last[1])
         self._support = foot
-        stack.anchor = "waist"
-        stack.anchor_pose[:] = np.eye(4)
-        stack.anchor_pose[:3, :3] = R
-        stack.anchor_pose[:2, 3] = self._ground - feet[foot, :2]
-        stack.anchor_pose[2, 3] = -feet[foot, 2]
+        stack.anchor, pose = "waist", stack.anchor_pose
+        pose[:3, :3] = R
+        pose[:3, 3] = self._ground[0] - x, self._ground[1] - y, -z
+        pose[3] = (0.0, 0.0, 0.0, 1.0)
 
 
 @hookimpl

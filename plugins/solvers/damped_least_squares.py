@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -23,8 +24,9 @@ from imitor import (
 from imitor.types import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
+    from imitor.ik.anchored import AnchoredRows
     from imitor.ik.layout import Layout
-    from imitor.ik.limbs import LimbRows, LimitWeights
+    from imitor.ik.limbs import DampedStep, Rounds
 
 Chain = Literal["left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared"]
 Group = Literal["arms", "legs", "trunk", "head"]
@@ -32,8 +34,10 @@ Count = Annotated[int, Field(ge=1, le=5000)]
 Weight = Annotated[float, Field(gt=0)]
 _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE)
 Bounds = tuple[Array, Array]
-_PROGRESS, _PATIENCE = 0.98, 6
+_PROGRESS, _PATIENCE = 0.98, 3
 """With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
+_LEAST = 0.1
+"""Least share of the squared damping that is left near the target [-]: less would step through stretched knees."""
 
 
 class Tolerance(Config):
@@ -54,6 +58,12 @@ class DampedLeastSquaresConfig(Config):
 
     damping: float = Field(
         0.3, gt=0, description="Damping lambda; positions are measured in leg lengths, so it has no unit [-]."
+    )
+    full_damping_error: float | None = Field(
+        None,
+        gt=0,
+        description="Norm of the errors, in leg lengths and rad, from which on the damping is full; below it the "
+        "squared damping falls in proportion, to a tenth, so that the last steps are quick; none: it is constant [-].",
     )
     iterations: Count | Mapping[Group, Count] = Field(
         default_factory=_paper_iterations,
@@ -81,13 +91,13 @@ class DampedLeastSquaresConfig(Config):
 
 @dataclass(frozen=True)
 class Plan:
-    """What is worked out once for a layout: factors that make rows unit-free, errors allowed, the quick loop."""
+    """What is worked out once for a layout: factors that make rows unit-free, errors allowed, the quick loop's rows."""
 
     layout: Layout
     scale: Array
     allowed: Array | None
-    limbs: LimbRows | None
-    weights: LimitWeights
+    anchored: AnchoredRows | None
+    solve: DampedStep
 
 
 class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
@@ -105,14 +115,15 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
 
     def prepare(self, stack: TaskStack) -> None:
         """Look up tasks and chains."""
+        from imitor.ik.anchored import AnchoredRows
         from imitor.ik.limbs import (
             GROUPS,
-            LimbRows,
+            DampedStep,
             LimitWeights,
             Progress,
+            Rounds,
             chain_joints,
             columns,
-            damped_step,
             in_world,
             length_rows,
             limb_length,
@@ -129,7 +140,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
                 raise ImitorError(
                     f"order: '{name}' is a {stack[name].kind} task; it serves {', '.join(_SERVED)}"
                 )
-        self._damped_step, self._length_rows, self._in_world = damped_step, length_rows, in_world
+        self._damped_step, self._length_rows, self._in_world = DampedStep, length_rows, in_world
         self._rows = TaskRows(robot, stack, [names], dict(config.weights))
         chains = chain_joints(robot)
         moved = columns(chains, config.chains)
@@ -142,19 +153,17 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             rounds[chains[name]] = (
                 counts if isinstance(counts, int) else counts.get(group, counts.get("arms", 30))
             )
-        self._rounds = np.where(moved, rounds, 0)[self._pick]
-        self._settling = np.where(self._rounds > 0, config.settle_iterations, 0)
-        self._weights = LimitWeights(robot.lower[self._pick], robot.upper[self._pick])
+        self._rounds = Rounds(self._coupled(np.where(moved, rounds, 0)[self._pick]))
+        self._settling = Rounds(np.where(self._rounds.counts > 0, config.settle_iterations, 0))
+        self._weights = LimitWeights(robot.lower, robot.upper)
         self._inverse_length = 1.0 / limb_length(robot)
         self._plans: dict[int, Plan] = {}
-        self._limb_rows, self._limit_weights, self._progress = LimbRows, LimitWeights, Progress
+        self._anchored_rows, self._progress = AnchoredRows, Progress
         self._fast = robot.speed * self.dt_s if config.speed_limits else np.full(robot.n, np.inf)
 
     def reset(self) -> None:
         """Forget how near to their limits the joints were."""
         self._weights.reset()
-        for plan in self._plans.values():
-            plan.weights.reset()
 
     def step(self, stack: TaskStack, state: Configuration) -> None:
         """Solve one frame from where the last one ended."""
@@ -168,62 +177,73 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         self._iterate(stack, state.q, (self.robot.lower, self.robot.upper), self._settling)
         self.reset()
 
-    def _iterate(self, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
-        robot = self.robot
-        if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
-            robot.place(q, stack.anchor, stack.anchor_pose)
-        layout = self._rows.layout()
+    def _iterate(self, stack: TaskStack, q: Array, bounds: Bounds, rounds: Rounds) -> None:
+        robot, layout = self.robot, self._rows.layout()
         self.spent = 0
-        if layout.m == 0:
-            return
-        plan = self._plans.get(id(layout)) or self._plan(layout)
-        if plan.limbs is not None:
-            self._iterate_limbs(plan.limbs, plan, q, bounds, rounds)
-        else:
-            self._iterate_rows(plan, stack, q, bounds, rounds)
+        if layout.m > 0:
+            plan = self._plans.get(id(layout)) or self._plan(stack, layout)
+            if plan.anchored is not None:
+                self._iterate_anchored(plan.anchored, plan, q, bounds, rounds)
+            else:
+                self._iterate_rows(plan, stack, q, bounds, rounds)
         if stack.anchor:
             robot.place(q, stack.anchor, stack.anchor_pose)
 
-    def _iterate_rows(self, plan: Plan, stack: TaskStack, q: Array, bounds: Bounds, rounds: IntArray) -> None:
+    def _iterate_rows(self, plan: Plan, stack: TaskStack, q: Array, bounds: Bounds, rounds: Rounds) -> None:
         """Iterate on rows of any kind."""
         robot, joints, layout = self.robot, q[7:], plan.layout
+        if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
+            robot.place(q, stack.anchor, stack.anchor_pose)
         in_world = bool(stack.anchor) and self._in_world(layout)
         progress = self._progress(_PROGRESS, _PATIENCE)
-        for k in range(int(rounds.max())):
+        for k in range(rounds.most):
             self._rows.assemble(layout)
-            if plan.allowed is not None and progress.ends(layout.e, plan.allowed):
+            if plan.allowed is not None and progress.ends(layout.e / plan.allowed):
                 return
-            self._move(layout, plan.scale, q, rounds > k)
+            self._move(plan, q, rounds.counts > k)
             np.minimum(np.maximum(joints, bounds[0]), bounds[1], out=joints)
             robot.update(q)
             if in_world:
                 robot.place(q, stack.anchor, stack.anchor_pose)
             self.spent = k + 1
 
-    def _iterate_limbs(self, limbs: LimbRows, plan: Plan, q: Array, bounds: Bounds, rounds: IntArray) -> None:
-        """Iterate on positions of limbs alone: the same steps, fewer columns and no base."""
-        robot, chosen, joints = self.robot, limbs.joints, q[7:]
-        low, high, rounds = bounds[0][chosen], bounds[1][chosen], self._coupled(rounds)[chosen]
-        damping2, most, scale = self.config.damping**2, self.config.max_step_rad, self._inverse_length
-        weights, x = plan.weights, joints[chosen]
-        progress, last = self._progress(_PROGRESS, _PATIENCE), int(rounds.min())
-        limbs.begin()
-        for k in range(int(rounds.max())):
-            limbs.assemble()
-            if plan.allowed is not None and progress.ends(limbs.e, plan.allowed):
-                return
-            inverse = weights.inverse(x)
-            if k >= last:
-                inverse = inverse * (rounds > k)
-            limbs.J *= scale
-            step = self._damped_step(limbs.J, scale * limbs.e, inverse, damping2)
-            largest = float(np.abs(step).max())
-            if largest > most:
-                step *= most / largest
-            x = np.minimum(np.maximum(x + step, low), high)
-            joints[chosen] = x
-            robot.update(q)
+    def _iterate_anchored(
+        self, rows: AnchoredRows, plan: Plan, q: Array, bounds: Bounds, rounds: Rounds
+    ) -> None:
+        """Iterate on places and rotations while the base stays still: the same steps, placed once at the end."""
+        joints, weights, (low, high) = q[7:], self._weights, bounds
+        most = self.config.max_step_rad
+        progress, relative = self._progress(_PROGRESS, _PATIENCE), plan.allowed
+        rows.begin()
+        for k in range(rounds.most):
+            if k in rounds.free:
+                rows.hold(rounds.free[k])
+                if plan.allowed is not None:
+                    relative = rows.served / plan.allowed
+            rows.assemble(q)
+            if relative is not None and progress.ends(rows.e * relative):
+                break
+            inverse = weights.inverse(joints)
+            if rows.coupling is not None:
+                inverse = inverse[self._pick]
+            step = plan.solve(rows.J, rows.e, inverse, self._damping2(rows.e))
+            if rows.coupling is not None:
+                step = rows.coupling.dot(step)
+            if step.dot(step) > most * most:  # else no joint is over it either
+                step *= min(1.0, most / float(np.abs(step).max()))
+            np.add(joints, step, out=joints)
+            np.maximum(joints, low, out=joints)
+            np.minimum(joints, high, out=joints)
             self.spent = k + 1
+        else:
+            self.robot.update(q)  # the anchor's place is needed where the last step has left it
+
+    def _damping2(self, e: Array) -> float:
+        """Return the squared damping at errors without unit; that it may fall with them is after [sugihara2011]."""
+        full, damping2 = self.config.full_damping_error, self.config.damping**2
+        if full is None:
+            return damping2
+        return damping2 * min(max(sqrt(e.dot(e)) / full, _LEAST), 1.0)
 
     def _coupled(self, rounds: IntArray) -> IntArray:
         """Return values of independent joints for all of them, shape (n,)."""
@@ -231,39 +251,38 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             return rounds
         return np.asarray(rounds[np.abs(self._coupling).argmax(axis=1)])
 
-    def _plan(self, layout: Layout) -> Plan:
-        lengths = self._length_rows(layout)
-        tolerance = self.config.tolerance
+    def _plan(self, stack: TaskStack, layout: Layout) -> Plan:
+        lengths, tolerance, moved = self._length_rows(layout), self.config.tolerance, self._rounds.counts > 0
         allowed: Array | None = None
         if tolerance is not None:
             allowed = np.where(lengths, tolerance.position_m, tolerance.orientation_rad)
             allowed = allowed if layout.root_weight is None else allowed * layout.root_weight
-        limbs = None
-        moved = self._coupled(self._rounds) > 0
-        if self._limb_rows.fits(self.robot, layout, moved):
-            limbs = self._limb_rows(self.robot, layout, moved)
-        low, high = self.robot.lower[moved], self.robot.upper[moved]
-        plan = Plan(
-            layout,
-            np.where(lengths, self._inverse_length, 1.0),
-            allowed,
-            limbs,
-            self._limit_weights(low, high),
-        )
+        anchored = None
+        if self._anchored_rows.fits(layout, moved):
+            anchored = self._anchored_rows(self.robot, layout, stack, moved, self._inverse_length)
+            if tolerance is not None:
+                places = anchored.places
+                allowed = anchored.scale * np.where(places, tolerance.position_m, tolerance.orientation_rad)
+        m, n = layout.J.shape if anchored is None else anchored.J.shape
+        if self._coupling is not None and (anchored is None or anchored.coupling is not None):
+            n += self._coupling.shape[1] - self._coupling.shape[0]
+        scale = np.where(lengths, self._inverse_length, 1.0)
+        plan = Plan(layout, scale, allowed, anchored, self._damped_step(m, n))
         self._plans[id(layout)] = plan
         return plan
 
-    def _move(self, layout: Layout, scale: Array, q: Array, free: BoolArray) -> None:
+    def _move(self, plan: Plan, q: Array, free: BoolArray) -> None:
+        layout, scale = plan.layout, plan.scale
         first, joints = layout.first, q[7:]
         J = layout.J
         if self._coupling is not None and first == 0:
             J = J @ self._coupling
         elif self._coupling is not None:
             J = np.hstack([J[:, :first], J[:, first:] @ self._coupling])
-        J, e, damping2 = J * scale[:, None], layout.e * scale, self.config.damping**2
+        J, e = J * scale[:, None], layout.e * scale
         pick, inverse = self._pick, np.ones(J.shape[1])
-        inverse[first:] = self._weights.inverse(joints[pick]) * free
-        step = self._damped_step(J, e, inverse, damping2)
+        inverse[first:] = (self._weights.inverse(joints) * free)[pick]
+        step = plan.solve(J, e, inverse, self._damping2(e))
         largest = float(np.abs(step[first:]).max(initial=0.0))
         if largest > self.config.max_step_rad:
             step *= self.config.max_step_rad / largest

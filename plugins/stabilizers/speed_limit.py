@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import Field
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
-from imitor.types import SIDES, Array
+from imitor.types import Array
 
 
 class SpeedLimitConfig(Config):
@@ -38,7 +38,7 @@ class SpeedLimit(Stabilizer[SpeedLimitConfig]):
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Bring targets that are too fast back to the limit."""
         most = self.config.speed_m_s * self.dt_s
-        standing = {f"{side}_foot" for side, on in zip(SIDES, stack.contact, strict=True) if on}
+        left, right = stack.contact.tolist()
         for name in self.config.tasks:
             if name not in stack:
                 continue
@@ -53,9 +53,9 @@ class SpeedLimit(Stabilizer[SpeedLimitConfig]):
             if last is None:
                 self._last[name] = place.copy()
                 continue
-            if name not in standing:
+            if not (left and name == "left_foot") and not (right and name == "right_foot"):
                 step = place - last
-                length = sqrt(float(step @ step))
+                length = sqrt(step.dot(step))
                 if length > most:
                     place[:] = last + (most / length) * step
             last[:] = place

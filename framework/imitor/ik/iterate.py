@@ -43,6 +43,9 @@ class IterativeConfig(Config):
     )
     max_step_rad: float = Field(0.25, gt=0, description="Largest joint step of one iteration [rad].")
     speed_limits: bool = Field(True, description="Treat joint speed limits as limits of the step too.")
+    speed_share: float = Field(
+        1.0, gt=0, le=1, description="How much of the joints' speed limits is used, for calmer motion [-]."
+    )
     settle_iterations: int = Field(200, ge=1, description="Most iterations for the first frame [-].")
 
 
@@ -81,7 +84,7 @@ class IterativeSolver(Solver[C]):
         self._limit_slope = 2 * self.config.null_space.get("limits", 0.0) / (robot.upper - robot.lower) ** 2
         self._posture_slope = 2 * self.config.null_space.get("posture", 0.0)
         self._independent = None if robot.coupling is None else robot.coupling.argmax(axis=0)
-        self._step_limit = robot.speed * self.dt_s
+        self._step_limit = self.config.speed_share * robot.speed * self.dt_s
         self._unlimited = np.full(robot.n, np.inf)
         self._iterations = self.config.iterations or (1 if self.dt_s <= 1.0 / 90.0 else 2)
 

@@ -13,6 +13,8 @@ away, with
 .. math::
     \frac{\partial H}{\partial q_i} =
     \frac{(q_u - q_l)^2 (2 q - q_u - q_l)}{4 (q_u - q)^2 (q - q_l)^2}.
+
+A joint that rests keeps its weight: on its limit it would take a share of every step and lose it there.
 """
 
 from __future__ import annotations
@@ -25,7 +27,7 @@ from scipy.linalg.lapack import dposv
 
 from imitor.ik.layout import WORLD, Layout
 from imitor.robot.model import BASE_NV, RobotModel
-from imitor.types import SIDES, Array, BoolArray
+from imitor.types import SIDES, Array, BoolArray, IntArray
 
 CHAINS: Final = ("left_arm", "right_arm", "left_leg", "right_leg", "trunk", "head", "shared")
 GROUPS: Final = {
@@ -79,31 +81,44 @@ def limb_length(robot: RobotModel) -> float:
 
 
 class LimitWeights:
-    """Chan and Dubey's weights, which know whether a joint came nearer to a limit since the last step.
+    r"""Chan and Dubey's weights, which know whether a joint came nearer to a limit since the last step.
+
+    With :math:`t = (2 q - q_u - q_l) / (q_u - q_l)`, from -1 at the lower limit to 1 at the upper one, the gradient is
+    :math:`4 |t| / ((q_u - q_l) (1 - t^2)^2)`: it grows with :math:`|t|` alone.
 
     Args:
         lower, upper: Joint limits, shape (n,) [rad].
     """
 
     def __init__(self, lower: Array, upper: Array) -> None:
-        self._lower, self._upper = lower, upper
-        self._range2, self._sum = (upper - lower) ** 2, upper + lower
+        span = upper - lower
+        self._slope, self._middle = 2.0 / span, (upper + lower) / span
+        self._steep, self._most = 4.0 / span, 1.0 - 2.0 * _NEAREST / span
+        self._t, self._last, self._d, self._inverse = (np.zeros_like(span) for _ in range(4))
+        self._inward, self._one = np.zeros(span.shape, dtype=bool), np.ones_like(span)
         self.reset()
 
     def reset(self) -> None:
         """Forget the last joints."""
-        self._last: Array | None = None
+        self._last[:] = np.inf
 
     def inverse(self, q: Array) -> Array:
-        """Return the diagonal of the inverse weight matrix at joint positions q, shape (n,)."""
-        above, below = np.maximum(self._upper - q, _NEAREST), np.maximum(q - self._lower, _NEAREST)
-        slope = self._range2 * np.abs(2.0 * q - self._sum) / (4.0 * (above * below) ** 2)
-        if self._last is None:
-            self._last = slope
-            return np.ones_like(q)
-        weight = np.where(slope > self._last, 1.0 + slope, 1.0)
-        self._last = slope
-        return np.asarray(1.0 / weight)
+        """Return the diagonal of the inverse weight matrix at joint positions q, shape (n,); valid until the next."""
+        t, d, inverse = self._t, self._d, self._inverse
+        np.multiply(q, self._slope, out=t)
+        np.subtract(t, self._middle, out=t)
+        np.absolute(t, out=t)
+        np.less(t, self._last, out=self._inward)
+        self._t, self._last = self._last, t
+        near = np.minimum(t, self._most, out=inverse)
+        np.multiply(near, near, out=d)
+        np.subtract(self._one, d, out=d)
+        np.multiply(d, d, out=d)
+        np.multiply(near, self._steep, out=inverse)
+        np.add(inverse, d, out=inverse)
+        np.divide(d, inverse, out=inverse)  # 1 / (1 + slope) for the slope steep t / d
+        np.copyto(inverse, self._one, where=self._inward)
+        return inverse
 
 
 def length_rows(layout: Layout) -> BoolArray:
@@ -122,20 +137,32 @@ def in_world(layout: Layout) -> bool:
     return not relative or layout.com is not None or layout.directions is not None
 
 
-def damped_step(J: Array, e: Array, inverse: Array, damping2: float) -> Array:
-    """Return the weighted damped step.
+class DampedStep:
+    """The weighted damped step of Jacobians of one shape, in arrays that are kept.
 
     Args:
-        J: Jacobian, shape (m, n).
-        e: Errors to remove, shape (m,).
-        inverse: Diagonal of W^-1, shape (n,); 0 holds a joint still.
-        damping2: Squared damping, greater than 0.
+        m, n: Shape of the Jacobian.
     """
-    weighted = J * inverse
-    gram = weighted @ J.T
-    gram.reshape(-1)[:: e.shape[0] + 1] += damping2
-    _, y, _ = dposv(gram, e, lower=1)
-    return np.asarray(y @ weighted)
+
+    def __init__(self, m: int, n: int) -> None:
+        self._weighted, self._gram = np.zeros((m, n)), np.zeros((m, m), order="F")
+        self._diagonal = self._gram.reshape(-1, order="F")[:: m + 1]
+
+    def __call__(self, J: Array, e: Array, inverse: Array, damping2: float) -> Array:
+        """Return the step, shape (n,).
+
+        Args:
+            J: Jacobian, shape (m, n).
+            e: Errors to remove, shape (m,).
+            inverse: Diagonal of W^-1, shape (n,); 0 holds a joint still.
+            damping2: Squared damping, greater than 0.
+        """
+        weighted, gram, diagonal = self._weighted, self._gram, self._diagonal
+        np.multiply(J, inverse, out=weighted)
+        np.dot(J, weighted.T, out=gram.T)
+        np.add(diagonal, damping2, out=diagonal)
+        _, y, _ = dposv(gram, e, 1, 1)  # the lower triangle, in place
+        return np.asarray(y.dot(weighted))
 
 
 def columns(chains: dict[str, BoolArray], names: Sequence[str]) -> BoolArray:
@@ -143,74 +170,18 @@ def columns(chains: dict[str, BoolArray], names: Sequence[str]) -> BoolArray:
     return np.asarray(np.any([chains[name] for name in names], axis=0))
 
 
-class LimbRows:
-    """Positions of limbs' ends against carriers that stay where they are: the rows of the loop that is run most.
-
-    While only limbs move, chest and waist do not, so targets are taken to the world once a frame, and an iteration
-    reads end points and the limbs' columns alone. The rows are those of `imitor.ik.rows.TaskRows` turned into the
-    world's axes, which changes no damped step.
-
-    Args:
-        robot: The robot.
-        layout: A layout that `fits`.
-        moved: Joints that move, shape (n,).
+class Rounds:
+    """How many iterations each joint takes part in.
 
     Attributes:
-        joints: Indices of the joints that move.
-        e, J: Errors (3 L,) and Jacobian (3 L, joints).
+        counts: By joint, shape (n,).
+        most: Of any joint.
+        free: Where the joints that move change: iteration -> joints that move from then on, shape (n,).
     """
 
-    def __init__(self, robot: RobotModel, layout: Layout, moved: BoolArray) -> None:
-        self._robot, self._parts = robot, layout.translations
-        tasks = [part.task for part in self._parts]
-        self._ends = [robot.position(t.frame) for t in tasks]
-        self._carriers = [(robot.rotation(t.relative_to), robot.position(t.relative_to)) for t in tasks]
-        self.joints = np.flatnonzero(moved)
-        self._columns = BASE_NV + self.joints
-        self._mask = np.concatenate([layout.mask[p.rows][:, self.joints] for p in self._parts])
-        n = len(tasks)
-        self._points, self._goals = np.zeros((n, 3)), np.zeros((n, 3))
-        self._point_rows = list(self._points)
-        self._gains = np.ones((n, 1))
-        W = np.zeros((n, 3, 6))
-        W[:, range(3), range(3)] = 1.0
-        self._W = W.reshape(3 * n, 6)
-        # moments p x e_i of the unit forces, as places in W and signed components of p
-        self._moment = [(W[:, 0, 4], 2), (W[:, 1, 5], 0), (W[:, 2, 3], 1)]
-        self._counter = [(W[:, 0, 5], 1), (W[:, 1, 3], 2), (W[:, 2, 4], 0)]
-
-    @staticmethod
-    def fits(robot: RobotModel, layout: Layout, moved: BoolArray) -> bool:
-        """Tell whether a layout has whole relative positions only, on carriers that the moved joints leave alone."""
-        if layout.first or layout.rotations or layout.root_weight is not None or in_world(layout):
-            return False
-        if (
-            robot.coupling is not None
-            and (robot.coupling[:, np.abs(robot.coupling).sum(axis=0) > 1][moved] != 0).any()
-        ):
-            return False
-        carriers = [robot.ancestors(part.task.relative_to)[BASE_NV:] for part in layout.translations]
-        whole = all(len(part.axes) == 3 for part in layout.translations)
-        return bool(carriers) and whole and not (np.any(carriers, axis=0) & moved).any()
-
-    def begin(self) -> None:
-        """Take the targets of this frame to the world, at the robot's last update."""
-        for i, (part, (R, p)) in enumerate(zip(self._parts, self._carriers, strict=True)):
-            self._goals[i] = R @ part.task.target + p
-            self._gains[i] = part.task.gain
-
-    def assemble(self) -> None:
-        """Fill errors and Jacobian at the robot's last update."""
-        for row, view in zip(self._point_rows, self._ends, strict=True):
-            row[:] = view
-        points = self._points
-        self.e = ((self._goals - points) * self._gains).reshape(-1)
-        for place, axis in self._moment:
-            place[:] = points[:, axis]
-        for place, axis in self._counter:
-            np.negative(points[:, axis], out=place)
-        self.J = self._W @ self._robot.jacobian[:, self._columns]
-        self.J *= self._mask
+    def __init__(self, counts: IntArray) -> None:
+        self.counts, self.most = counts, int(counts.max())
+        self.free = {int(k): counts > k for k in {0, *counts.tolist()}}
 
 
 class Progress:
@@ -225,12 +196,11 @@ class Progress:
         self._share, self._patience = share, patience
         self._least, self._waited = np.inf, 0
 
-    def ends(self, e: Array, allowed: Array) -> bool:
-        """Tell whether to stop at errors e, shape (m,), of which ``allowed`` are allowed."""
-        relative = np.abs(e) / allowed
-        if relative.max() <= 1.0:
+    def ends(self, relative: Array) -> bool:
+        """Tell whether to stop at errors of which 1 is allowed, shape (m,)."""
+        error = float(relative.dot(relative))
+        if error <= relative.shape[0] and float(np.abs(relative).max(initial=0.0)) <= 1.0:
             return True
-        error = float(relative @ relative)
         self._waited += 1
         if error < self._share * self._least:
             self._least, self._waited = error, 0

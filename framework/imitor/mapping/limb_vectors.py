@@ -5,13 +5,15 @@ Order of every four-sided array: left hand, right hand, left foot, right foot.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import hypot
 from typing import Final
 
 import numpy as np
 
 from imitor.errors import RobotError, SourceError
-from imitor.ik.vectors import cross
+from imitor.ik.vectors import cross3
 from imitor.robot.model import RobotModel
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton
 
@@ -45,8 +47,9 @@ class HumanLimbs:
         self._skeleton = skeleton
         self._hand = "hand" if skeleton.has("left_hand", "right_hand") else "wrist"
         index = ROLE_INDEX
-        self._trunk = np.array([index[f"{s}_{r}"] for r in ("shoulder", "hip") for s in SIDES])
-        self._ends = np.array([index[f"{s}_{r}"] for r in (self._hand, "ankle") for s in SIDES])
+        starts = [index[f"{s}_{r}"] for r in ("shoulder", "hip") for s in SIDES]
+        ends = [index[f"{s}_{r}"] for r in (self._hand, "ankle") for s in SIDES]
+        self._roles = np.array(starts + ends)
         self.reset()
 
     def reset(self) -> None:
@@ -59,20 +62,30 @@ class HumanLimbs:
 
     def take(self, frame: HumanFrame) -> None:
         """Read a human frame."""
-        trunk_known = frame.valid[self._trunk]
+        known = frame.valid.take(self._roles)
+        starts_known = all(known[:4].tolist())
         self.waist_seen = False
         self.seen = np.zeros(4, dtype=bool)
-        if not trunk_known.all():
+        if not starts_known:
             return
-        trunk, ends = frame.position[self._trunk], frame.position[self._ends]
-        middles = trunk.reshape(2, 2, 3).mean(axis=1)
-        axes = _axes(trunk[[0, 2]] - trunk[[1, 3]], middles[0] - middles[1])  # chest, waist
-        if axes is None:
+        points = frame.position.take(self._roles, axis=0)
+        trunk = points[:4].reshape(2, 2, 3)  # shoulders and hips, left and right
+        middles = 0.5 * (trunk[:, 0] + trunk[:, 1])
+        across_chest, across_waist = (trunk[:, 0] - trunk[:, 1]).tolist()
+        up = (middles[0] - middles[1]).tolist()
+        chest, waist = _axes(across_chest, up), _axes(across_waist, up)
+        if chest is None or waist is None:
             return
+        axes = np.array(chest + waist).reshape(2, 3, 3)
         self.waist, self.waist_seen, self.mid_hip = axes[1], True, middles[1]
-        self.seen = frame.valid[self._ends].copy()
-        d = np.where(self.seen[:, None], ends - trunk, 0.0).reshape(2, 2, 3) @ axes
-        self.vectors = np.where(self.seen[:, None], d.reshape(4, 3), self.vectors)
+        self.seen = known[4:]
+        limbs = points[4:] - points[:4]
+        if self.seen.all():
+            self.vectors = (limbs.reshape(2, 2, 3) @ axes).reshape(4, 3)
+        else:
+            limbs[~self.seen] = 0.0
+            seen = (limbs.reshape(2, 2, 3) @ axes).reshape(4, 3)
+            self.vectors = np.where(self.seen[:, None], seen, self.vectors)
 
     def t_pose_of_lengths(self) -> Array:
         """Return the T-pose that the segments of the rest pose make: arms sideways, legs straight, shape (4, 3) [m]."""
@@ -101,16 +114,16 @@ def looks_like_t_pose(vectors: Array, angle: float) -> bool:
     )
 
 
-def _axes(left: Array, up: Array) -> Array | None:
-    """Return rotations with y along each line and z as near as can be to ``up``, shape (2, 3, 3)."""
-    y_norm = np.linalg.norm(left, axis=1)
-    x = cross(left, up[None])
-    x_norm = np.linalg.norm(x, axis=1)
-    if not ((y_norm > 1e-6).all() and (x_norm > 1e-3 * y_norm).all()):
+def _axes(left: Sequence[float], up: Sequence[float]) -> tuple[float, ...] | None:
+    """Return the rotation with y along a line and z as near as can be to ``up``, its nine entries row by row."""
+    forward = cross3(left, up)
+    y_norm, x_norm = hypot(*left), hypot(*forward)
+    if not (y_norm > 1e-6 and x_norm > 1e-3 * y_norm):
         return None
-    y = left / y_norm[:, None]
-    x /= x_norm[:, None]
-    return np.stack([x, y, cross(x, y)], axis=2)
+    y = y0, y1, y2 = left[0] / y_norm, left[1] / y_norm, left[2] / y_norm
+    x = x0, x1, x2 = forward[0] / x_norm, forward[1] / x_norm, forward[2] / x_norm
+    z0, z1, z2 = cross3(x, y)
+    return x0, y0, z0, x1, y1, z1, x2, y2, z2
 
 
 @dataclass(frozen=True)
@@ -165,7 +178,7 @@ class RobotLimbs:
                 sum(lengths.get(f"{side}_{s}", 0.0) for s in ("thigh", "shank")) + lengths["ankle_height"]
             )
         self.reference[2:] = _T_POSE[2:] * np.array(leg)[:, None]
-        self._most = np.array([*(reach * np.array(arm)), *(leg_reach * np.array(leg))])
+        self._most = [*(reach * a for a in arm), *(leg_reach * length for length in leg)]
 
     def _use_card_vectors(self, robot: RobotModel, lengths: dict[str, float]) -> None:
         vectors = robot.card.reference_vectors
@@ -179,8 +192,11 @@ class RobotLimbs:
 
     def within_reach(self, vectors: Array) -> Array:
         """Return limb vectors no longer than the robot's limbs are used, shape (4, 3) [m]."""
-        length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
-        return np.asarray(vectors * np.minimum(1.0, self._most / np.maximum(length, 1e-9))[:, None])
+        lengths = [hypot(*v) for v in vectors.tolist()]
+        shares = [
+            min(1.0, most / max(length, 1e-9)) for length, most in zip(lengths, self._most, strict=True)
+        ]
+        return np.asarray(vectors * np.array(shares)[:, None])
 
 
 def _seen_from(robot: RobotModel, carrier: str, role: str) -> Array:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import logging
-import os
 import platform
 import re
 import warnings
@@ -14,17 +13,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from imitor.atomic import atomic
+from imitor.cache import cache_folder
 from imitor.robot.card import RobotCard
 from imitor.robot.files import ModelFiles
 
 _LOG: Final = logging.getLogger("imitor")
 _MESH: Final = re.compile(rb"<mesh\b")
-
-
-def cache_folder() -> Path:
-    """Return where hulls are kept: ``$IMITOR_CACHE``, else ``~/.cache/imitor``."""
-    given = os.environ.get("IMITOR_CACHE")
-    return Path(given).expanduser() if given else Path.home() / ".cache" / "imitor"
 
 
 def hulled_geometry(card: RobotCard, files: ModelFiles, model: Any) -> Any:

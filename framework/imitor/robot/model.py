@@ -339,13 +339,25 @@ class RobotModel:
         pin.updateFramePlacements(model, data)
         pin.jacobianCenterOfMass(model, data, False)
 
+    def update_frames(self, q: Array, frames: Sequence[int]) -> None:
+        """Bring the Jacobians and some frames alone to a configuration; an `update` must follow.
+
+        Args:
+            q: Configuration, shape (nq,).
+            frames: Pinocchio frames, of `frame_id`.
+        """
+        model, data = self.model, self.data
+        pin.computeJointJacobians(model, data, q)
+        for frame in frames:
+            pin.updateFramePlacement(model, data, frame)
+
     def is_at(self, role: str, pose: Array) -> bool:
         """Tell whether a role's frame has a pose, world from frame, to 1e-9 m and rad, at the last `update`."""
-        off = (
-            np.abs(self._position[role] - pose[:3, 3]).max()
-            + np.abs(self._rotation[role] - pose[:3, :3]).max()
-        )
-        return bool(off < 1e-9)
+        shift = self._position[role] - pose[:3, 3]
+        if shift.dot(shift) >= 1e-18:
+            return False
+        turn = (self._rotation[role] - pose[:3, :3]).reshape(-1)
+        return bool(turn.dot(turn) < 1e-18)
 
     def place(self, q: Array, role: str, pose: Array) -> None:
         """Move the base of ``q`` in place so that a role's frame takes a pose, and update.
@@ -356,9 +368,9 @@ class RobotModel:
             pose: World from frame, shape (4, 4).
         """
         R, base = self._rotation[role], self._base_position
-        turn = pose[:3, :3] @ R.T  # takes the frame where it is to where it shall be
-        q[:3] = pose[:3, 3] + turn @ (base - self._position[role])
-        quaternion = pin.Quaternion(turn @ self._base_rotation)
+        turn = pose[:3, :3].dot(R.T)  # takes the frame where it is to where it shall be
+        q[:3] = pose[:3, 3] + turn.dot(base - self._position[role])
+        quaternion = pin.Quaternion(turn.dot(self._base_rotation))
         quaternion.normalize()  # or rounding errors would grow from frame to frame
         q[3:7] = quaternion.coeffs()
         self.update(q)
@@ -374,6 +386,14 @@ class RobotModel:
     def interpolate(self, q0: Array, q1: Array, share: float) -> Array:
         """Return the configuration at ``share`` of the way from ``q0`` to ``q1``, shape (nq,)."""
         return np.asarray(pin.interpolate(self.model, q0, q1, share))
+
+    def twin(self) -> RobotModel:
+        """Return a robot with a Data of its own, for a stage that looks at other configurations than the state's."""
+        other = copy.copy(self)
+        other.data = other.model.createData()
+        other._frame_views()
+        other.update(other.standing)
+        return other
 
     # ------------------------------------------------------------------ other sizes
 

@@ -11,6 +11,7 @@ the next frame's start.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Guard:
     def apply(self, stack: TaskStack, state: Configuration) -> None:
         """Make ``state.q`` a safe command in place, and leave the robot updated at it."""
         robot, q, last = self._robot, state.q, self._last
-        if not np.isfinite(q).all():
+        if not isfinite(q.dot(q)):
             self.report.not_finite += 1
             state.status = HELD
             q[:] = robot.standing if last is None else last
@@ -74,7 +75,8 @@ class Guard:
         outside = (wanted > high + _SLACK) | (wanted < low - _SLACK)
         if outside.any():
             self._scale(stack, q, last, wanted, low, high)
-        np.clip(joints, robot.lower, robot.upper, out=joints)
+        np.maximum(joints, robot.lower, out=joints)
+        np.minimum(joints, robot.upper, out=joints)
         np.subtract(joints, previous, out=self._last_step)
         last[:] = q
 

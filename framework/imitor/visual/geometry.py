@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import os
-import platform
 import time
 import zipfile
 from collections.abc import Iterable, Mapping
@@ -16,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from imitor.atomic import atomic
+from imitor.cache import cache_folder
 from imitor.robot.model import RobotModel
 from imitor.types import SIDES, Array
 from imitor.visual import shapes
@@ -64,16 +63,6 @@ def robot_parts(robot: RobotModel) -> list[Part]:
                 robot.name, len(visuals), time.perf_counter() - begin, path.parent,
             )  # fmt: skip
     return parts
-
-
-def cache_folder() -> Path:
-    """Return the folder of what is computed once: ``IMITOR_CACHE``, or the platform's cache folder."""
-    chosen = os.environ.get("IMITOR_CACHE")
-    if chosen:
-        return Path(chosen).expanduser()
-    if platform.system() == "Darwin":
-        return Path.home() / "Library" / "Caches" / "imitor"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "imitor"
 
 
 def _placements(robot: RobotModel) -> dict[str, tuple[int, Array]]:
