@@ -63,7 +63,7 @@ lock:  ## Resolve all dependencies anew and write constraints.txt.
 	$(call need_python)
 	rm -rf build/lock
 	$(PYTHON) -m venv build/lock
-	build/lock/bin/python -m pip install --quiet -e '.[dev,docs,video]'
+	build/lock/bin/python -m pip install --quiet -e '.[dev,docs,video,c3d]'
 	{ sed '/^[^#]/,$$d' constraints.txt; build/lock/bin/python -m pip freeze --exclude imitor --exclude-editable; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
 	rm -rf build/lock

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 
+from captured_people import small_acclaim, small_c3d, small_targets, small_trc
 from imitor import (
     Config,
     Configuration,
@@ -76,9 +77,13 @@ def small_bvh(folder: Path) -> dict[str, Any]:
 
 
 OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
+    "art_targets": small_targets,
+    "asf_amc": small_acclaim,
     "bvh": small_bvh,
+    "c3d": small_c3d,
     "kinect": small_kinect,
     "mvnx": small_mvnx_options,
+    "trc": small_trc,
     "video": lambda _: {"size_px": (64, 64), "fps": 5.0, "sheet_width_px": 200, "columns": 1, "rows": 1},
 }
 """What a plugin needs to be checked: options without a default, and what makes a check quick."""
@@ -91,6 +96,8 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mon
 
 @pytest.mark.parametrize("registered", COMPONENTS, ids=[f"{r.kind}-{r.name}" for r in COMPONENTS])
 def test_it_keeps_the_contract_of_its_kind(registered: Registered, tmp_path: Path) -> None:
+    if registered.component.extra:
+        pytest.importorskip({"c3d": "ezc3d"}[registered.component.extra])
     options = OPTIONS[registered.name](tmp_path) if registered.name in OPTIONS else None
     testing.check_component(registered.component, options)
 

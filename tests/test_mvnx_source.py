@@ -18,6 +18,7 @@ from imitor.motion.mvnx_body import matrices
 from imitor.motion.mvnx_file import CONTACTS, SEGMENTS
 from imitor.plugins.sources.mvnx import Mvnx, MvnxConfig
 from imitor.types import ROLE_INDEX, SIDES
+from known import known
 
 Array = NDArray[np.float64]
 
@@ -160,7 +161,7 @@ def test_orientations_are_relative_to_a_t_pose_that_faces_x(
         ("pelvis", turn), ("head", turn), ("left_ankle", turn), ("right_shoulder", turn), ("right_wrist", turn),
         ("left_shoulder", turn @ lowered), ("left_elbow", turn @ lowered), ("left_wrist", turn @ lowered),
     ):  # fmt: skip
-        found = source.recording.orientation[:, ROLE_INDEX[name]]
+        found = known(source.recording.orientation)[:, ROLE_INDEX[name]]
         np.testing.assert_allclose(found, np.broadcast_to(wanted, found.shape), atol=1e-5)
     rest = source.skeleton.rest_position
     assert rest[ROLE_INDEX["left_wrist"]].tolist() == pytest.approx([0.0, 0.67, 1.37 + 0.015], abs=1e-6)

@@ -24,13 +24,17 @@ from imitor.robot.model import RobotModel
 from imitor.spec import load_pipeline
 from imitor.testing import make_robot
 from imitor.types import SEGMENTS
+from robot_facts import (
+    assert_same_bodies,
+    assert_same_kinematics,
+    links,
+    motors,
+    mujoco_model,
+    sole_corners_of_bodies,
+)
 
 ROOT = Path(__file__).resolve().parents[1]
 URDF = ROOT / "plugins" / "robots" / "models" / "nao_v4.urdf"
-COMPILER = (
-    '<mujoco><compiler strippath="false" discardvisual="false" fusestatic="false" balanceinertia="true" '
-    'boundmass="1e-6" boundinertia="1e-9"/></mujoco>'
-)
 CAPTURES = ("cmu_bvh/02_01.bvh", "bvh_other/Male1_B3_Walk.bvh", "bvh_rokoko/jesse_dance.bvh")
 PUBLISHED_KG = 5.195350051  # "Masses - V4", the sum as printed
 
@@ -51,44 +55,6 @@ def reference(shared: Path) -> Path:
     if not folder.is_dir():
         pytest.skip(f"no reference model at {folder}")
     return folder
-
-
-def numbers(element: ET.Element | None, key: str) -> np.ndarray:
-    text = "0 0 0" if element is None else element.get(key, "0 0 0")
-    return np.array([float(w) for w in text.split()])
-
-
-def links(root: ET.Element) -> dict[str, tuple[float, np.ndarray, np.ndarray]]:
-    """Return mass [kg], its centre [m] and inertia [kg m^2] of every link that has some."""
-    out = {}
-    for link in root.iter("link"):
-        inertial = link.find("inertial")
-        if inertial is None:
-            continue
-        tensor = inertial.find("inertia")
-        assert tensor is not None
-        entries = np.array([float(tensor.get(k, "0")) for k in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")])
-        centre = numbers(inertial.find("origin"), "xyz")
-        out[link.get("name", "")] = (float(numbers(inertial.find("mass"), "value")[0]), centre, entries)
-    return out
-
-
-def motors(root: ET.Element) -> dict[str, dict[str, np.ndarray]]:
-    """Return origin, axis and limits of every joint with limits, by name."""
-    out = {}
-    for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        if limit is not None and joint.get("type") == "revolute":
-            values = [float(limit.get(k, "0")) for k in ("lower", "upper", "velocity", "effort")]
-            axis = numbers(joint.find("axis"), "xyz")
-            out[joint.get("name", "")] = {
-                "origin": numbers(joint.find("origin"), "xyz"),
-                "axis": axis / np.linalg.norm(axis),
-                "limits": np.array(values[:2]),
-                "speed": np.array(values[2]),
-                "torque": np.array(values[3]),
-            }
-    return out
 
 
 def other_side(name: str) -> str:
@@ -238,71 +204,24 @@ def test_lengths_are_the_published_ones(robot: RobotModel) -> None:
 
 
 @pytest.fixture(scope="module")
-def mujoco_model() -> Any:
-    import mujoco
-
-    text = URDF.read_text(encoding="utf-8").replace("</robot>", f"{COMPILER}</robot>")
-    spec = mujoco.MjSpec.from_string(text)
-    spec.worldbody.first_body().add_freejoint()
-    return spec.compile()
+def in_mujoco() -> Any:
+    return mujoco_model(URDF)
 
 
-def test_mujoco_has_the_same_kinematics(robot: RobotModel, mujoco_model: Any) -> None:
-    import mujoco
-    import pinocchio as pin
-
-    model, data = mujoco_model, mujoco.MjData(mujoco_model)
-    assert model.nu == 0 and model.njnt == 1 + robot.n
-    assert model.neq == 1  # both hips by one motor
-    pin_data = robot.model.createData()
+def test_mujoco_has_the_same_kinematics(robot: RobotModel, in_mujoco: Any) -> None:
+    assert in_mujoco.nu == 0 and in_mujoco.njnt == 1 + robot.n
+    assert in_mujoco.neq == 1  # both hips by one motor
     rng = np.random.default_rng(7)
-    for _ in range(10):
-        q = coupled_configuration(robot, rng)
-        data.qpos[:3], data.qpos[3:7] = q[:3], q[[6, 3, 4, 5]]
-        for i, name in enumerate(robot.joint_names):
-            data.qpos[model.joint(name).qposadr[0]] = q[7 + i]
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        pin.framesForwardKinematics(robot.model, pin_data, q)
-        for body in range(1, model.nbody):
-            pose = pin_data.oMf[robot.model.getFrameId(model.body(body).name, pin.FrameType.BODY)]
-            np.testing.assert_allclose(data.xpos[body], pose.translation, atol=1e-12)
-            np.testing.assert_allclose(data.xmat[body].reshape(3, 3), pose.rotation, atol=1e-12)
-        com = pin.centerOfMass(robot.model, robot.model.createData(), q)
-        np.testing.assert_allclose(data.subtree_com[1], com, atol=1e-6)  # massless links get 1 mg each
+    assert_same_kinematics(robot, in_mujoco, [coupled_configuration(robot, rng) for _ in range(10)])
 
 
-def test_mujoco_has_every_body_that_fcl_has(robot: RobotModel, mujoco_model: Any) -> None:
-    import coal
-    import mujoco
-
-    kinds = {coal.Capsule: "CYLINDER", coal.Box: "BOX"}  # MuJoCo takes a capsule's cylinder
-    ours: dict[str, list[str]] = {}
-    geometry = robot_collision_model(robot)
-    for item in geometry.geometry.geometryObjects:
-        name = geometry.model.frames[item.parentFrame].name
-        ours.setdefault(name, []).append(kinds[type(item.geometry)])
-    theirs: dict[str, list[str]] = {}
-    for g in range(mujoco_model.ngeom):
-        if mujoco_model.geom_contype[g]:
-            kind = mujoco.mjtGeom(mujoco_model.geom_type[g]).name.removeprefix("mjGEOM_")
-            theirs.setdefault(mujoco_model.body(mujoco_model.geom_bodyid[g]).name, []).append(kind)
-    assert ours == theirs
+def test_mujoco_has_every_body_that_fcl_has(robot: RobotModel, in_mujoco: Any) -> None:
+    assert_same_bodies(robot, in_mujoco)
 
 
 def test_feet_touch_the_floor_where_the_card_says(robot: RobotModel) -> None:
-    collision = robot_collision_model(robot)
-    corners = []
-    for item in collision.geometry.geometryObjects:
-        if collision.model.frames[item.parentFrame].name == "l_ankle":
-            half = np.array(item.geometry.halfSide)
-            x, y, z = np.array(item.placement.translation)
-            assert z - half[2] == pytest.approx(-0.04511, abs=1e-9)
-            corners += [(x + i * half[0], y + j * half[1]) for i in (-1, 1) for j in (-1, 1)]
-    touched, polygon = (
-        convex_hull(corners),
-        convex_hull([(float(x), float(y)) for x, y in robot.sole[0, :, :2]]),
-    )
+    touched = convex_hull(sole_corners_of_bodies(robot, "l_ankle", 0.04511))
+    polygon = convex_hull([(float(x), float(y)) for x, y in robot.sole[0, :, :2]])
     np.testing.assert_allclose(sorted(touched), sorted(polygon), atol=1e-9)
     sensors = [(0.07025, 0.0299), (0.07025, -0.0231), (-0.03025, 0.0299), (-0.02965, -0.0191)]
     assert min(margin(sensor, polygon) for sensor in sensors) > 0.0

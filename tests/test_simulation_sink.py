@@ -53,7 +53,7 @@ def verdict(result: RunResult) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("scenario", ["stand", "wave"])
-@pytest.mark.parametrize("robot", ["unitree_g1", "talos", "nao_v4"])
+@pytest.mark.parametrize("robot", ["unitree_g1", "talos", "nao_v4", "hrp2"])
 def test_robots_that_stand_and_wave_stay_up(tmp_path: Path, robot: str, scenario: str) -> None:
     result = simulate(tmp_path, robot, scenario)
     assert (result.status, result.message) == ("done", "")

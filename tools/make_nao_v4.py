@@ -7,43 +7,14 @@ All joint frames are parallel to the torso's in the zero pose: x forward, y left
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
-import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from nao_v4_shapes import BODIES, COLOURS, VISUALS, Box, Capsule, Cylinder, Shape, Sphere
+from nao_v4_shapes import BODIES, COLOURS, VISUALS
+from urdf_writer import HERE, Joint, Mass, Robot, X, Y, Z, write_or_check
 
 MODEL: Final = Path(__file__).resolve().parents[1] / "plugins" / "robots" / "models" / "nao_v4.urdf"
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Mass:
-    """Mass [kg], its centre in the link frame [m], inertia xx xy xz yy yz zz about the centre [kg m^2]."""
-
-    kg: float
-    centre: Point
-    inertia: tuple[float, float, float, float, float, float]
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A joint: links, origin in the parent [m], axis, limits [rad], speed [rad/s], torque [N m]; fixed without axis."""
-
-    name: str
-    parent: str
-    child: str
-    origin: Point
-    axis: Point | None = None
-    limits: tuple[float, float] = (0.0, 0.0)
-    speed: float = 0.0
-    torque: float = 0.0
-
 
 # Lengths: Aldebaran documentation, "H25 - Links", in m. The height of the foot is the 45.11 mm that the documentation
 # gives for V3.2 and nao_description uses (45.19 mm for V3.3; there is no figure for V4).
@@ -55,11 +26,7 @@ HAND_X, HAND_Z = 0.05775, 0.01231
 HIP_Y, HIP_Z = 0.050, 0.085
 THIGH, TIBIA, FOOT = 0.100, 0.1029, 0.04511
 
-X: Final = (1.0, 0.0, 0.0)
-Y: Final = (0.0, 1.0, 0.0)
-Z: Final = (0.0, 0.0, 1.0)
 HALF: Final = math.sqrt(0.5)
-HERE: Final = (0.0, 0.0, 0.0)
 
 # Limits, speeds and torques: ros-naoqi nao_description, naoV40 (BSD); limits as in the documentation's "H25 - Joints".
 # Speeds are the motors' without load through the gears, torques what the motors hold continuously.
@@ -165,155 +132,23 @@ def right_name(name: str) -> str:
     return f"r{name[1:]}" if name.startswith("l_") else name
 
 
-def mirrored_point(p: Point) -> Point:
-    """Return a point on the other side of the sagittal plane."""
-    return (p[0], -p[1], p[2])
-
-
-def mirrored_mass(mass: Mass) -> Mass:
-    """Return the mass on the other side: products of inertia with y change sign."""
-    xx, xy, xz, yy, yz, zz = mass.inertia
-    return Mass(mass.kg, mirrored_point(mass.centre), (xx, -xy, xz, yy, -yz, zz))
-
-
-def mirrored_joint(joint: Joint) -> Joint:
-    """Return the joint on the other side: a pitch turns the same way there, a roll or yaw the other way."""
-    name, axis, (lower, upper) = right_name(joint.name), joint.axis, joint.limits
-    if axis is not None and axis[1] != 0.0:
-        axis = (-axis[0], axis[1], -axis[2])
-    else:
-        lower, upper = -upper, -lower
-    return replace(
-        joint, name=name, parent=right_name(joint.parent), child=right_name(joint.child),
-        origin=mirrored_point(joint.origin), axis=axis, limits=RIGHT_LIMITS.get(name, (lower, upper)),
-    )  # fmt: skip
-
-
-def both_sides(shapes: dict[str, Sequence[Shape]]) -> dict[str, Sequence[Shape]]:
-    """Return the shapes of all links, the right ones mirrored."""
-    right = {right_name(n): [s.mirrored() for s in shapes[n]] for n in shapes if right_name(n) != n}
-    return {**shapes, **right}
-
-
-def robot() -> ET.Element:
-    """Return the whole model."""
-    joints = [*JOINTS, *LEFT_JOINTS, *(mirrored_joint(j) for j in LEFT_JOINTS)]
-    right = {right_name(n): mirrored_mass(m) for n, m in LEFT_MASSES.items()}
-    masses, visuals, bodies = {**MASSES, **LEFT_MASSES, **right}, both_sides(VISUALS), both_sides(BODIES)
-    root = ET.Element("robot", name="nao_v4")
-    for name, rgba in COLOURS.items():
-        ET.SubElement(ET.SubElement(root, "material", name=name), "color", rgba=numbers(rgba))
-    for link in ("torso", *(j.child for j in joints)):
-        root.append(link_element(link, masses.get(link), visuals.get(link, ()), bodies.get(link, ())))
-    root.extend(joint_element(j) for j in joints)
-    return root
-
-
-def link_element(
-    name: str, mass: Mass | None, visuals: Sequence[Shape], bodies: Sequence[Shape]
-) -> ET.Element:
-    """Return a link.
-
-    URDF knows no capsule. A body that is one is written as its cylinder and named under ``collision_checking``:
-    Pinocchio then makes the capsule, other readers take the cylinder.
-    """
-    link = ET.Element("link", name=name)
-    if mass is not None:
-        inertial = ET.SubElement(link, "inertial")
-        ET.SubElement(inertial, "origin", xyz=numbers(mass.centre), rpy="0 0 0")
-        ET.SubElement(inertial, "mass", value=number(mass.kg))
-        keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-        ET.SubElement(inertial, "inertia", {k: number(v) for k, v in zip(keys, mass.inertia, strict=True)})
-    for shape in (part for v in visuals for part in v.parts()):
-        element = shape_element(link, "visual", shape)
-        ET.SubElement(element, "material", name=shape.colour)
-    capsules = []
-    for i, body in enumerate(bodies):
-        title = f"{name}_body_{i}"
-        solid = body.parts()[0]
-        shape_element(link, "collision", solid).set("name", title)
-        if isinstance(body, Capsule):
-            capsules.append(title)
-    if capsules:
-        checking = ET.SubElement(link, "collision_checking")
-        for title in capsules:
-            ET.SubElement(checking, "capsule", name=title)
-    return link
-
-
-def shape_element(link: ET.Element, tag: str, shape: Box | Cylinder | Sphere) -> ET.Element:
-    """Add a visual or collision element to a link and return it."""
-    element = ET.SubElement(link, tag)
-    ET.SubElement(element, "origin", xyz=numbers(shape.centre), rpy=numbers(shape.rpy))
-    geometry = ET.SubElement(element, "geometry")
-    if isinstance(shape, Box):
-        ET.SubElement(geometry, "box", size=numbers(shape.size))
-    elif isinstance(shape, Cylinder):
-        ET.SubElement(geometry, "cylinder", radius=number(shape.radius), length=number(shape.length))
-    else:
-        ET.SubElement(geometry, "sphere", radius=number(shape.radius))
-    return element
-
-
-def joint_element(joint: Joint) -> ET.Element:
-    """Return a joint."""
-    element = ET.Element("joint", name=joint.name, type="fixed" if joint.axis is None else "revolute")
-    ET.SubElement(element, "parent", link=joint.parent)
-    ET.SubElement(element, "child", link=joint.child)
-    ET.SubElement(element, "origin", xyz=numbers(joint.origin), rpy="0 0 0")
-    if joint.axis is None:
-        return element
-    ET.SubElement(element, "axis", xyz=numbers(joint.axis))
-    lower, upper = joint.limits
-    ET.SubElement(
-        element, "limit", lower=number(lower), upper=number(upper),
-        velocity=number(joint.speed), effort=number(joint.torque),
-    )  # fmt: skip
-    if joint.name in MIMICS:
-        ET.SubElement(element, "mimic", joint=MIMICS[joint.name], multiplier="1", offset="0")
-    return element
-
-
-def number(value: float) -> str:
-    """Return a number with ten significant digits and no minus before zero."""
-    return f"{value + 0.0:.10g}" if abs(value) > 1e-12 else "0"
-
-
-def numbers(values: Sequence[float]) -> str:
-    """Return numbers with spaces between."""
-    return " ".join(number(v) for v in values)
-
-
-def text() -> str:
-    """Return the file's text."""
-    root = robot()
-    ET.indent(root)
-    lines: Iterator[str] = iter(
-        (
-            '<?xml version="1.0" encoding="utf-8"?>',
-            "<!-- NAO v4 (H25), written by tools/make_nao_v4.py; change the tables there, not this file. -->",
-            ET.tostring(root, encoding="unicode"),
-        )
-    )
-    return "\n".join(lines) + "\n"
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the file, or compare it."""
-    parser = argparse.ArgumentParser(description="Write the URDF of NAO v4 from the tables of figures.")
-    parser.add_argument("--check", action="store_true", help="write nothing; say whether the file is in step")
-    options = parser.parse_args(arguments)
-    if not options.check:
-        MODEL.write_text(text(), encoding="utf-8")
-        return 0
-    if MODEL.is_file() and MODEL.read_text(encoding="utf-8") == text():
-        return 0
-    print(
-        f"{MODEL} is not in step with its tables; write it anew: python {Path(__file__).name}",
-        file=sys.stderr,
-    )
-    return 1
+ROBOT: Final = Robot(
+    name="nao_v4",
+    title="NAO v4 (H25)",
+    script="make_nao_v4.py",
+    base="torso",
+    right_name=right_name,
+    joints=JOINTS,
+    left_joints=LEFT_JOINTS,
+    masses=MASSES,
+    left_masses=LEFT_MASSES,
+    visuals=VISUALS,
+    bodies=BODIES,
+    colours=COLOURS,
+    right_limits=RIGHT_LIMITS,
+    leaders=MIMICS,
+)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(write_or_check(ROBOT, MODEL))

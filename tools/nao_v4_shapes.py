@@ -6,13 +6,10 @@ wide over the hanging arms, thighs, shanks and arms about as thick as the robot'
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Final
 
-Point = tuple[float, float, float]
-UPRIGHT: Final = (0.0, 0.0, 0.0)
+from urdf_shapes import Box, Capsule, Cylinder, Shape, Sphere, pair
 
 COLOURS: Final = {
     "white": (0.95, 0.95, 0.94, 1.0),
@@ -22,120 +19,13 @@ COLOURS: Final = {
     "blue": (0.55, 0.80, 0.98, 1.0),
 }
 
-
-@dataclass(frozen=True)
-class Sphere:
-    """A ball."""
-
-    centre: Point
-    radius: float
-    colour: str = ""
-    rpy: Point = UPRIGHT
-
-    def mirrored(self) -> Sphere:
-        """Return it on the other side."""
-        return replace(self, centre=_across(self.centre))
-
-    def parts(self) -> Sequence[Sphere]:
-        """Return what URDF has a word for."""
-        return (self,)
-
-
-@dataclass(frozen=True)
-class Box:
-    """A box with edge lengths ``size``, turned by roll, pitch, yaw [rad]."""
-
-    centre: Point
-    size: Point
-    colour: str = ""
-    rpy: Point = UPRIGHT
-
-    def mirrored(self) -> Box:
-        """Return it on the other side."""
-        roll, pitch, yaw = self.rpy
-        return replace(self, centre=_across(self.centre), rpy=(-roll, pitch, -yaw))
-
-    def parts(self) -> Sequence[Box]:
-        """Return what URDF has a word for."""
-        return (self,)
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """A cylinder from one point to another."""
-
-    start: Point
-    end: Point
-    radius: float
-    colour: str = ""
-
-    @property
-    def centre(self) -> Point:
-        """Its middle."""
-        (a, b, c), (d, e, f) = self.start, self.end
-        return (0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f))
-
-    @property
-    def length(self) -> float:
-        """From end to end."""
-        return math.dist(self.start, self.end)
-
-    @property
-    def rpy(self) -> Point:
-        """The turn that takes z to its axis."""
-        x, y, z = (e - s for s, e in zip(self.start, self.end, strict=True))
-        across = math.hypot(x, y)
-        return (0.0, math.atan2(across, z), math.atan2(y, x) if across > 0 else 0.0)
-
-    def mirrored(self) -> Cylinder:
-        """Return it on the other side."""
-        return replace(self, start=_across(self.start), end=_across(self.end))
-
-    def parts(self) -> Sequence[Cylinder]:
-        """Return what URDF has a word for."""
-        return (self,)
-
-
-@dataclass(frozen=True)
-class Capsule:
-    """A cylinder from one point to another with a half ball on each end."""
-
-    start: Point
-    end: Point
-    radius: float
-    colour: str = ""
-
-    def mirrored(self) -> Capsule:
-        """Return it on the other side."""
-        return replace(self, start=_across(self.start), end=_across(self.end))
-
-    def parts(self) -> Sequence[Cylinder | Sphere]:
-        """Return what URDF has a word for; the cylinder first."""
-        return (
-            Cylinder(self.start, self.end, self.radius, self.colour),
-            Sphere(self.start, self.radius, self.colour),
-            Sphere(self.end, self.radius, self.colour),
-        )
-
-
-Shape = Sphere | Box | Cylinder | Capsule
-
-
-def _across(p: Point) -> Point:
-    return (p[0], -p[1], p[2])
-
-
-def _pair(shape: Shape) -> tuple[Shape, Shape]:
-    return (shape, shape.mirrored())
-
-
 VISUALS: Final[dict[str, Sequence[Shape]]] = {
     "torso": (
-        *_pair(Capsule((0.0, 0.030, 0.072), (-0.004, 0.014, -0.028), 0.043, "white")),
+        *pair(Capsule((0.0, 0.030, 0.072), (-0.004, 0.014, -0.028), 0.043, "white")),
         Capsule((0.004, 0.0, 0.074), (-0.004, 0.0, -0.030), 0.046, "white"),
         # shoulders, coloured flanks, the battery's lid on the back
         Capsule((-0.004, -0.046, 0.092), (-0.004, 0.046, 0.092), 0.0290, "white"),
-        *_pair(Capsule((-0.002, 0.0395, 0.062), (-0.006, 0.0240, -0.008), 0.0350, "orange")),
+        *pair(Capsule((-0.002, 0.0395, 0.062), (-0.006, 0.0240, -0.008), 0.0350, "orange")),
         Capsule((-0.020, 0.0, 0.070), (-0.018, 0.0, 0.020), 0.0330, "grey"),
         # the button, with its ring
         Cylinder((0.038, 0.0, 0.042), (0.0505, 0.0, 0.042), 0.0135, "grey"),
@@ -146,22 +36,22 @@ VISUALS: Final[dict[str, Sequence[Shape]]] = {
     ),
     "Neck": (Cylinder((0.0, 0.0, -0.024), (0.0, 0.0, 0.022), 0.021, "dark"),),
     "Head": (
-        *_pair(Sphere((0.0, 0.013, 0.060), 0.0500, "white")),
+        *pair(Sphere((0.0, 0.013, 0.060), 0.0500, "white")),
         Sphere((-0.004, 0.0, 0.0635), 0.0500, "white"),
         Capsule((0.016, -0.016, 0.034), (0.016, 0.016, 0.034), 0.0310, "white"),
         # eyes: ring, light, pupil
-        *_pair(Cylinder((0.030, 0.0220, 0.0600), (0.0490, 0.0275, 0.0625), 0.0165, "grey")),
-        *_pair(Cylinder((0.030, 0.0220, 0.0600), (0.0500, 0.0278, 0.0626), 0.0135, "blue")),
-        *_pair(Cylinder((0.030, 0.0220, 0.0600), (0.0510, 0.0281, 0.0628), 0.0075, "dark")),
+        *pair(Cylinder((0.030, 0.0220, 0.0600), (0.0490, 0.0275, 0.0625), 0.0165, "grey")),
+        *pair(Cylinder((0.030, 0.0220, 0.0600), (0.0500, 0.0278, 0.0626), 0.0135, "blue")),
+        *pair(Cylinder((0.030, 0.0220, 0.0600), (0.0510, 0.0281, 0.0628), 0.0075, "dark")),
         # cameras in forehead and mouth
         Cylinder((0.030, 0.0, 0.086), (0.0425, 0.0, 0.0905), 0.0055, "dark"),
         Capsule((0.0425, -0.005, 0.026), (0.0425, 0.005, 0.026), 0.0055, "dark"),
         # ears, and the touch sensors on top between coloured shells
-        *_pair(Cylinder((-0.004, 0.050, 0.060), (-0.004, 0.0640, 0.060), 0.0270, "orange")),
-        *_pair(Cylinder((-0.004, 0.052, 0.060), (-0.004, 0.0685, 0.060), 0.0200, "white")),
-        *_pair(Cylinder((-0.004, 0.054, 0.060), (-0.004, 0.0695, 0.060), 0.0090, "dark")),
+        *pair(Cylinder((-0.004, 0.050, 0.060), (-0.004, 0.0640, 0.060), 0.0270, "orange")),
+        *pair(Cylinder((-0.004, 0.052, 0.060), (-0.004, 0.0685, 0.060), 0.0200, "white")),
+        *pair(Cylinder((-0.004, 0.054, 0.060), (-0.004, 0.0695, 0.060), 0.0090, "dark")),
         Capsule((0.016, 0.0, 0.1010), (-0.026, 0.0, 0.1000), 0.0110, "dark"),
-        *_pair(Capsule((0.012, 0.022, 0.0955), (-0.030, 0.022, 0.0925), 0.0130, "orange")),
+        *pair(Capsule((0.012, 0.022, 0.0955), (-0.030, 0.022, 0.0925), 0.0130, "orange")),
     ),
     "LShoulder": (
         Sphere((0.0, 0.004, 0.0), 0.0310, "orange"),
@@ -182,8 +72,8 @@ VISUALS: Final[dict[str, Sequence[Shape]]] = {
         Sphere((0.0480, 0.0, -0.0020), 0.0205, "grey"),
     ),
     "l_gripper": (
-        *_pair(Capsule((0.004, 0.0100, 0.0160), (0.024, 0.0105, 0.0120), 0.0075, "white")),
-        *_pair(Capsule((0.024, 0.0105, 0.0120), (0.037, 0.0105, -0.0010), 0.0070, "white")),
+        *pair(Capsule((0.004, 0.0100, 0.0160), (0.024, 0.0105, 0.0120), 0.0075, "white")),
+        *pair(Capsule((0.024, 0.0105, 0.0120), (0.037, 0.0105, -0.0010), 0.0070, "white")),
         Capsule((0.002, 0.0, -0.0060), (0.020, 0.0, -0.0140), 0.0070, "white"),
     ),
     "LPelvis": (Sphere((-0.006, -0.006, 0.012), 0.0300, "grey"),),
@@ -191,7 +81,7 @@ VISUALS: Final[dict[str, Sequence[Shape]]] = {
     "LThigh": (
         Capsule((0.000, 0.003, -0.012), (0.002, 0.002, -0.078), 0.0360, "white"),
         Capsule((0.014, 0.003, -0.022), (0.012, 0.002, -0.070), 0.0270, "orange"),
-        *_pair(Cylinder((0.0, 0.016, -0.100), (0.0, 0.033, -0.100), 0.0240, "grey")),
+        *pair(Cylinder((0.0, 0.016, -0.100), (0.0, 0.033, -0.100), 0.0240, "grey")),
     ),
     "LTibia": (
         Cylinder((0.0, -0.020, 0.0), (0.0, 0.020, 0.0), 0.0260, "dark"),
@@ -213,14 +103,14 @@ VISUALS: Final[dict[str, Sequence[Shape]]] = {
         Cylinder((-0.004, 0.006, -0.0270), (-0.004, 0.006, -0.0180), 0.0370, "white"),
         Box((0.015, 0.006, -0.0225), (0.038, 0.0750, 0.0090), "white"),
         Capsule((0.034, -0.008, -0.0200), (0.034, 0.020, -0.0200), 0.0200, "white"),
-        *_pair(Capsule((-0.014, 0.020, -0.0140), (0.020, 0.020, -0.0140), 0.0140, "white")),
+        *pair(Capsule((-0.014, 0.020, -0.0140), (0.020, 0.020, -0.0140), 0.0140, "white")),
         Cylinder((-0.004, 0.004, -0.0220), (-0.004, 0.004, -0.0060), 0.0300, "white"),
     ),
 }
 """What is seen."""
 
 BODIES: Final[dict[str, Sequence[Shape]]] = {
-    "torso": _pair(Capsule((0.0, 0.018, 0.066), (0.0, 0.016, 0.004), 0.044)),
+    "torso": pair(Capsule((0.0, 0.018, 0.066), (0.0, 0.016, 0.004), 0.044)),
     "Head": (Capsule((0.0, -0.014, 0.060), (0.0, 0.014, 0.060), 0.0535),),
     "LBicep": (Capsule((0.026, 0.006, 0.0), (0.080, 0.013, 0.0), 0.0265),),
     "LForeArm": (Capsule((0.020, 0.0, 0.0), (0.050, 0.0, 0.0), 0.0255),),

@@ -77,6 +77,7 @@ class Skeleton:
         mass_kg: Body mass [kg].
         sex: ``male`` or ``female``; chooses the mass model.
         marker_names: Names of the markers, in the order of ``HumanFrame.marker``.
+        marker_segments: Segment of the body to the markers that move with it; a marker may belong to two.
         target_names: Names of the rigid 6-dof targets, in the order of ``HumanFrame.target``.
         notes: What was found or assumed (unit, up axis, dropped frames), for the report.
     """
@@ -90,6 +91,7 @@ class Skeleton:
     mass_kg: float = 70.0
     sex: str = "male"
     marker_names: Sequence[str] = ()
+    marker_segments: Mapping[str, Sequence[str]] = field(default_factory=dict)
     target_names: Sequence[str] = ()
     notes: Sequence[str] = field(default_factory=tuple)
 

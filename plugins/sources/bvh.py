@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from pydantic import Field
 
-from imitor import Config, HumanFrame, Source, hookimpl
+from imitor import Config, hookimpl
 from imitor.motion.bvh_file import read_bvh
+from imitor.motion.clip import Clip
 from imitor.motion.kinematics import forward_kinematics
 from imitor.motion.recognition import choose_skeleton
-from imitor.motion.recording import ReadOptions, Recording, make_recording
+from imitor.motion.recorded_source import RecordedSource
+from imitor.motion.recording import ReadOptions, make_recording
 from imitor.registry import Registry
-from imitor.types import read_only
 
 
 class BvhConfig(Config):
@@ -55,16 +55,14 @@ class BvhConfig(Config):
     )
 
 
-class Bvh(Source[BvhConfig]):
+class Bvh(RecordedSource[BvhConfig]):
     """Reads BVH files of any skeleton that a card describes."""
 
     name = "bvh"
     extensions = (".bvh",)
     gives = frozenset({"orientation"})
 
-    recording: Recording
-
-    def start(self) -> None:
+    def read(self) -> Clip:
         """Read the whole file and bring it into our world.
 
         Raises:
@@ -87,18 +85,7 @@ class Bvh(Source[BvhConfig]):
             mass_kg=config.mass_kg,
             sex=config.sex,
         )
-        self.recording = make_recording(config.path, bvh, fit, options)
-        for array in (self.recording.position, self.recording.orientation, self.recording.valid):
-            read_only(array)
-        self.skeleton = self.recording.skeleton
-        self.rate_hz = self.recording.rate_hz
-        self.n_frames = len(self.recording.position)
-
-    def frames(self) -> Iterator[HumanFrame]:
-        """Yield the frames; their arrays are read-only views of the recording."""
-        r = self.recording
-        for i in range(len(r.position)):
-            yield HumanFrame(i / r.rate_hz, r.position[i], r.valid, r.orientation[i])
+        return make_recording(config.path, bvh, fit, options)
 
 
 @hookimpl

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field
 
-from imitor import Config, HumanFrame, Source, hookimpl
+from imitor import Config, hookimpl
+from imitor.motion.clip import Clip
 from imitor.motion.kinect_file import read_capture, recognise
-from imitor.motion.kinect_recording import KinectOptions, KinectRecording, make_kinect_recording
+from imitor.motion.kinect_recording import KinectOptions, make_kinect_recording
 from imitor.motion.kinect_timing import Timing
-from imitor.types import read_only
+from imitor.motion.recorded_source import RecordedSource
 
 
 class KinectConfig(Config):
@@ -75,20 +75,18 @@ class KinectConfig(Config):
     )
 
 
-class Kinect(Source[KinectConfig]):
+class Kinect(RecordedSource[KinectConfig]):
     """Reads tables of Kinect or OpenNI skeletons: 15, 20 or 25 points, and 22 joints of offsets and angles."""
 
     name = "kinect"
     extensions = (".csv", ".txt")
-
-    recording: KinectRecording
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
         """Tell from the first lines whether the file is a table of skeleton points."""
         return path.suffix.lower() in cls.extensions and path.is_file() and recognise(path)
 
-    def start(self) -> None:
+    def read(self) -> Clip:
         """Read the whole file and bring it into our world.
 
         Raises:
@@ -110,18 +108,7 @@ class Kinect(Source[KinectConfig]):
             sex=config.sex,
         )
         capture = read_capture(config.path, config.angles_path)
-        self.recording = make_kinect_recording(config.path, capture, options)
-        for array in (self.recording.position, self.recording.valid, self.recording.confidence):
-            read_only(array)
-        self.skeleton = self.recording.skeleton
-        self.rate_hz = self.recording.rate_hz
-        self.n_frames = len(self.recording.position)
-
-    def frames(self) -> Iterator[HumanFrame]:
-        """Yield the frames; their arrays are read-only views of the recording."""
-        r = self.recording
-        for i in range(len(r.position)):
-            yield HumanFrame(i / r.rate_hz, r.position[i], r.valid[i])
+        return make_kinect_recording(config.path, capture, options)
 
 
 @hookimpl

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
 from pydantic import Field
 
-from imitor import Config, HumanFrame, Source, Support, hookimpl
+from imitor import Config, hookimpl
+from imitor.motion.clip import Clip
 from imitor.motion.mvnx_file import read_mvnx
-from imitor.motion.mvnx_recording import MvnxOptions, MvnxRecording, make_mvnx_recording
-from imitor.types import read_only
+from imitor.motion.mvnx_recording import MvnxOptions, make_mvnx_recording
+from imitor.motion.recorded_source import RecordedSource
 
 
 class MvnxConfig(Config):
@@ -43,14 +42,12 @@ class MvnxConfig(Config):
     )
 
 
-class Mvnx(Source[MvnxConfig]):
+class Mvnx(RecordedSource[MvnxConfig]):
     """Reads Xsens MVNX files of versions 3 and 4, with contacts and CoM where the file has them."""
 
     name = "mvnx"
     extensions = (".mvnx",)
     gives = frozenset({"orientation", "com", "support"})
-
-    recording: MvnxRecording
 
     @classmethod
     def recognises(cls, path: Path) -> bool:
@@ -62,7 +59,7 @@ class Mvnx(Source[MvnxConfig]):
         with path.open("rb") as file:
             return b"<mvnx" in file.read(4096)
 
-    def start(self) -> None:
+    def read(self) -> Clip:
         """Read the whole file and bring it into our world.
 
         Raises:
@@ -78,26 +75,7 @@ class Mvnx(Source[MvnxConfig]):
             mass_kg=config.mass_kg,
             sex=config.sex,
         )
-        self.recording = r = make_mvnx_recording(config.path, read_mvnx(config.path), options)
-        for array in (r.position, r.orientation, r.valid, r.com, r.support):
-            if array is not None:
-                read_only(array)
-        self.skeleton = r.skeleton
-        self.rate_hz = r.rate_hz
-        self.n_frames = len(r.position)
-
-    def frames(self) -> Iterator[HumanFrame]:
-        """Yield the frames; their arrays are read-only views of the recording."""
-        r = self.recording
-        has_com = [] if r.com is None else [bool(np.isfinite(c).all()) for c in r.com]
-        feet = None if r.support is None else r.support.tolist()
-        for i in range(len(r.position)):
-            frame = HumanFrame(i / r.rate_hz, r.position[i], r.valid[i], r.orientation[i])
-            if r.com is not None and has_com[i]:
-                frame.com = r.com[i]
-            if feet is not None:
-                frame.support = Support(*feet[i])
-            yield frame
+        return make_mvnx_recording(config.path, read_mvnx(config.path), options)
 
 
 @hookimpl

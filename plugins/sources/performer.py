@@ -11,7 +11,7 @@ from imitor import Config, HumanFrame, Source, Support, hookimpl
 from imitor.errors import ImitorError
 from imitor.human.body import Body, check_segment
 from imitor.human.captured import Captured, Degradation, capture
-from imitor.human.markers import MARKERS_41, TARGETS
+from imitor.human.markers import MARKER_SEGMENTS, MARKERS_41, TARGETS
 from imitor.human.performance import Truth
 from imitor.human.scenarios import SCENARIOS, play
 from imitor.human.scenarios.scenario import Options
@@ -158,7 +158,10 @@ class Performer(Source[PerformerConfig]):
         )
         self.rate_hz = c.rate_hz
         self.n_frames = len(truth.time_s)
-        self.skeleton = body.skeleton(MARKERS_41 if c.markers == "41" else (), TARGETS if c.targets else ())
+        worn = c.markers == "41"
+        self.skeleton = body.skeleton(
+            MARKERS_41 if worn else (), TARGETS if c.targets else (), MARKER_SEGMENTS if worn else {}
+        )
 
     def frames(self) -> Iterator[HumanFrame]:
         """Yield the performance from time 0; the arrays are views that cannot be written."""

@@ -113,7 +113,12 @@ class Body:
         """Height of the vertex in the rest pose: ``height_m`` where no ratio changes it [m]."""
         return float(self.rest[ROLE_INDEX["head_top"], 2])
 
-    def skeleton(self, markers: tuple[str, ...] = (), targets: tuple[str, ...] = ()) -> Skeleton:
+    def skeleton(
+        self,
+        markers: tuple[str, ...] = (),
+        targets: tuple[str, ...] = (),
+        marker_segments: Mapping[str, tuple[str, ...]] = MappingProxyType({}),
+    ) -> Skeleton:
         """Return the facts that a source publishes."""
         return Skeleton(
             name="performer",
@@ -125,6 +130,7 @@ class Body:
             mass_kg=self.mass_kg,
             sex=self.sex,
             marker_names=markers,
+            marker_segments=marker_segments,
             target_names=targets,
             notes=("authored motion with exact ground truth; the rest pose is a T-pose",),
         )

@@ -29,13 +29,13 @@ _SIDED: Final[Mapping[str, _Place]] = {
     "BHD": ("head", (-0.058, 0.036, 0.055)),
     "SHO": ("chest", (0.000, 0.105, 0.145)),
     "UPA": ("shoulder", (-0.010, 0.095, 0.028)),
-    "ELB": ("elbow", (-0.020, 0.000, 0.000)),
+    "ELB": ("elbow", (0.000, 0.000, 0.020)),
     "FRM": ("elbow", (-0.010, 0.080, 0.022)),
     "WRA": ("wrist", (0.018, 0.000, 0.006)),
     "WRB": ("wrist", (-0.018, 0.000, 0.006)),
     "FIN": ("hand", (0.000, 0.000, 0.010)),
-    "FWT": ("pelvis", (0.060, 0.070, 0.030)),
-    "BWT": ("pelvis", (-0.060, 0.030, 0.036)),
+    "FWT": ("pelvis", (0.032, 0.073, 0.044)),
+    "BWT": ("pelvis", (-0.060, 0.030, 0.044)),
     "THI": ("hip", (0.015, 0.045, -0.130)),
     "KNE": ("knee", (0.000, 0.029, 0.000)),
     "SHN": ("knee", (0.015, 0.025, -0.110)),
@@ -51,6 +51,25 @@ _ORDER: Final = (
 )
 MARKERS_41: Final[tuple[str, ...]] = tuple(_ORDER.split())
 """Names of the 41 markers, in the order of ``HumanFrame.marker``."""
+
+_MIDDLE_SEGMENTS: Final = {
+    "head": "LFHD RFHD LBHD RBHD",
+    "thorax": "C7 T10 CLAV STRN RBAC LSHO RSHO",
+    "pelvis": "LFWT RFWT LBWT RBWT",
+}
+_SIDED_SEGMENTS: Final = {
+    "upper_arm": "SHO UPA ELB", "forearm": "ELB FRM WRA WRB", "hand": "WRA WRB FIN", "thigh": "THI KNE",
+    "shank": "KNE SHN ANK", "foot": "ANK HEE TOE MT5",
+}  # fmt: skip
+MARKER_SEGMENTS: Final[Mapping[str, tuple[str, ...]]] = {
+    **{name: tuple(labels.split()) for name, labels in _MIDDLE_SEGMENTS.items()},
+    **{
+        f"{side}_{name}": tuple(side[0].upper() + label for label in labels.split())
+        for side in SIDES
+        for name, labels in _SIDED_SEGMENTS.items()
+    },
+}
+"""Segment of the body to the markers that move with it; those at a joint belong to both sides of it."""
 
 _TARGETS_MIDDLE: Final[Mapping[str, _Place]] = {
     "head": ("head", (0.000, 0.000, 0.100)),

@@ -10,20 +10,12 @@ import numpy as np
 
 from imitor.errors import SourceError
 from imitor.human.rotations import about_y
-from imitor.motion.kinect_body import (
-    LEAST_TILT_RAD,
-    MOST_TILT_RAD,
-    filled,
-    find_floor,
-    find_tilt,
-    rest_pose,
-    side_evidence,
-    smoothed,
-    stature,
-)
+from imitor.motion.body_lengths import filled, rest_pose, smoothed, stature
+from imitor.motion.clip import Clip, window
+from imitor.motion.kinect_body import LEAST_TILT_RAD, MOST_TILT_RAD, find_floor, find_tilt, side_evidence
 from imitor.motion.kinect_file import Capture
 from imitor.motion.kinect_points import OPENNI
-from imitor.motion.kinect_timing import Timing, evenly, window
+from imitor.motion.kinect_timing import Timing, evenly
 from imitor.motion.normalise import ANKLE_FRACTION, TOE_FRACTION, UNITS
 from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, Skeleton
 
@@ -54,29 +46,8 @@ class KinectOptions:
     sex: str = "male"
 
 
-@dataclass(frozen=True)
-class KinectRecording:
-    """A clip in our world, x towards the sensor: z up, metres; below the sensor is x = y = 0.
-
-    Attributes:
-        skeleton: Constant facts.
-        rate_hz: Frames per second [Hz].
-        position: Role positions, shape (T, R, 3) [m]; NaN where not valid.
-        valid: Shape (T, R).
-        confidence: Tracking state of each role: 0 not tracked, 0.5 inferred, 1 tracked, shape (T, R) [-].
-        facts: What was found: unit, tilt, floor, rate; for reports.
-    """
-
-    skeleton: Skeleton
-    rate_hz: float
-    position: Array
-    valid: BoolArray
-    confidence: Array
-    facts: dict[str, str | float]
-
-
-def make_kinect_recording(path: str | Path, capture: Capture, options: KinectOptions) -> KinectRecording:
-    """Bring a capture into our world.
+def make_kinect_recording(path: str | Path, capture: Capture, options: KinectOptions) -> Clip:
+    """Bring a capture into our world, x towards the sensor; below the sensor is x = y = 0.
 
     Raises:
         SourceError: There is no body in it, it is mirrored, or no frame is left.
@@ -120,15 +91,7 @@ def make_kinect_recording(path: str | Path, capture: Capture, options: KinectOpt
         "skeleton": capture.points.name, "layout": capture.layout, "unit": unit, "height_m": height_m,
         "tilt_rad": tilt, "floor_m": floor, "rate_hz": rate_hz,
     }  # fmt: skip
-    cut = slice(first, last)
-    return KinectRecording(
-        skeleton,
-        rate_hz,
-        np.ascontiguousarray(position[cut]),
-        np.ascontiguousarray(valid[cut]),
-        np.ascontiguousarray(confidence[cut]),
-        facts,
-    )
+    return Clip(skeleton, rate_hz, position, valid, facts, confidence=confidence).part(first, last)
 
 
 def _reduce(path: str | Path, capture: Capture) -> Capture:

@@ -1,4 +1,4 @@
-"""Frames of a recording in time: uneven time stamps to an even rate, and the part to read."""
+"""Frames of a recording in time: uneven time stamps to an even rate."""
 
 from __future__ import annotations
 
@@ -87,23 +87,3 @@ def evenly(
         + (f"; {gap.sum()} frames fill gaps" if gap.any() else "")
     )
     return out, kept, rate
-
-
-def window(
-    path: str | Path, frames: int, rate_hz: float, start_s: float, stop_s: float | None
-) -> tuple[int, int]:
-    """Return the first frame of the part to read and the one after its last.
-
-    Raises:
-        SourceError: No frame lies there.
-    """
-    first = round(start_s * rate_hz)
-    last = frames if stop_s is None else min(frames, round(stop_s * rate_hz) + 1)
-    if first >= last:
-        stop = "its end" if stop_s is None else f"{stop_s:g} s"
-        raise SourceError(
-            path,
-            f"no frame lies between {start_s:g} s and {stop}; "
-            f"the motion lasts {(frames - 1) / rate_hz:.3f} s",
-        )
-    return first, last

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import SourceError
-from imitor.motion.kinect_timing import window
+from imitor.motion.clip import Clip, window
 from imitor.motion.mvnx_body import LEG_ROLES, find_axes, motion_of, rest_pose, stature
 from imitor.motion.mvnx_file import REST_TYPES, Mvnx
 from imitor.motion.normalise import FLOOR_TOLERANCE_M, handedness, role
@@ -31,32 +31,7 @@ class MvnxOptions:
     sex: str = "male"
 
 
-@dataclass(frozen=True)
-class MvnxRecording:
-    """A clip in our world: z up, metres; horizontally it stays where it was recorded.
-
-    Attributes:
-        skeleton: Constant facts.
-        rate_hz: Frames per second [Hz].
-        position: Role positions, shape (T, R, 3) [m]; NaN where not valid.
-        valid: Shape (T, R).
-        orientation: World from segment, the identity in the T-pose, shape (T, R, 3, 3).
-        com: The file's centre of mass, shape (T, 3) [m], or None; NaN in dropped frames.
-        support: Feet in contact, left and right, shape (T, 2), or None.
-        facts: What was found: version, rest pose, floor, rate; for reports.
-    """
-
-    skeleton: Skeleton
-    rate_hz: float
-    position: Array
-    valid: BoolArray
-    orientation: Array
-    com: Array | None
-    support: BoolArray | None
-    facts: dict[str, str | float]
-
-
-def make_mvnx_recording(path: str | Path, mvnx: Mvnx, options: MvnxOptions) -> MvnxRecording:
+def make_mvnx_recording(path: str | Path, mvnx: Mvnx, options: MvnxOptions) -> Clip:
     """Bring a recording into our world.
 
     Raises:
@@ -98,7 +73,6 @@ def make_mvnx_recording(path: str | Path, mvnx: Mvnx, options: MvnxOptions) -> M
     position, orientation, com, support = _without_gaps(mvnx, position, orientation, com, support, notes)
     notes.append(f"rate: {mvnx.rate_hz:g} Hz")
     first, last = window(path, len(position), mvnx.rate_hz, options.start_s, options.stop_s)
-    cut = slice(first, last)
     valid: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
     known = np.asarray(np.isfinite(rest).all(axis=-1))
     skeleton = Skeleton(
@@ -115,16 +89,10 @@ def make_mvnx_recording(path: str | Path, mvnx: Mvnx, options: MvnxOptions) -> M
     facts: dict[str, str | float] = {
         "version": mvnx.version, "rest": kind, "height_m": height_m, "floor_m": floor, "rate_hz": mvnx.rate_hz,
     }  # fmt: skip
-    return MvnxRecording(
-        skeleton,
-        mvnx.rate_hz,
-        np.ascontiguousarray(position[cut]),
-        np.ascontiguousarray(valid[cut]),
-        np.ascontiguousarray(orientation[cut]),
-        None if com is None else np.ascontiguousarray(com[cut]),
-        None if support is None else np.ascontiguousarray(support[cut]),
-        facts,
+    clip = Clip(
+        skeleton, mvnx.rate_hz, position, valid, facts, orientation=orientation, com=com, support=support
     )
+    return clip.part(first, last)
 
 
 def _legs_unknown(mvnx: Mvnx, options: MvnxOptions) -> bool:

@@ -70,6 +70,12 @@ def unit_vector(vector: Array) -> Array:
     return np.asarray(np.divide(vector, length, out=np.zeros_like(vector), where=length > 0.0))
 
 
+def direction(vector: Array) -> Array:
+    """Return vectors of length 1, shape (..., 3); of zero and of what is not known NaN."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(vector / np.linalg.norm(vector, axis=-1, keepdims=True))
+
+
 def snap_rate(frame_time_s: float) -> float:
     """Return the frame rate [Hz]: a usual one when within 0.1 %, since written times are rounded."""
     raw = 1.0 / frame_time_s
@@ -176,6 +182,30 @@ def find_stance(position: Array, rate_hz: float, height_m: float) -> Stance:
     over = np.full(3, np.nan)
     over[known] = heights - floor
     return Stance(floor, (float(over[0]), float(over[1]), float(over[2])), flat.T)
+
+
+def choose_floor(stance: Stance, wanted: str | float) -> tuple[float, str]:
+    """Return the floor's height in the recording [m] and how it was found.
+
+    Args:
+        stance: What the feet tell.
+        wanted: ``auto``, ``file`` (its zero) or the height [m].
+    """
+    if isinstance(wanted, int | float):
+        return float(wanted), f"floor: at {wanted:g} m of the recording, as given"
+    if wanted == "file":
+        return 0.0, f"floor: the file's zero (the feet stand {stance.floor_m:+.3f} m from it)"
+    if abs(stance.floor_m) <= FLOOR_TOLERANCE_M:
+        return 0.0, "floor: the file's zero"
+    return stance.floor_m, f"floor: {stance.floor_m:+.3f} m in the recording, from the standing feet"
+
+
+def foot_heights(stance: Stance, floor: float, height_m: float) -> tuple[float, float]:
+    """Return the heights of ankle and toe joints over the floor in use [m]; usual fractions where unknown."""
+    ankle, toe, _ = (h + stance.floor_m - floor for h in stance.height_m)
+    ankle = ankle if np.isfinite(ankle) and ankle > 0.0 else ANKLE_FRACTION * height_m
+    toe = toe if np.isfinite(toe) and toe >= 0.0 else TOE_FRACTION * height_m
+    return float(ankle), float(toe)
 
 
 def lateral_axes(position: Array) -> tuple[Array, Array]:

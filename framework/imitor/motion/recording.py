@@ -10,18 +10,18 @@ import numpy as np
 
 from imitor.errors import SourceError
 from imitor.motion.bvh_file import Bvh
+from imitor.motion.clip import Clip, window
 from imitor.motion.kinematics import Poses, ancestry
 from imitor.motion.normalise import (
     ANKLE_FRACTION,
-    FLOOR_TOLERANCE_M,
-    TOE_FRACTION,
     UNITS,
     UP_AXES,
     Scale,
-    Stance,
+    choose_floor,
     find_scale,
     find_stance,
     find_up,
+    foot_heights,
     handedness,
     known_roles,
     lateral_axes,
@@ -73,28 +73,7 @@ class ReadOptions:
     sex: str = "male"
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A clip in our world: z up, metres. Horizontally it stays where it was recorded.
-
-    Attributes:
-        skeleton: Constant facts.
-        rate_hz: Frames per second [Hz].
-        position: Role positions, shape (T, R, 3) [m].
-        orientation: World from segment, shape (T, R, 3, 3); the identity in the rest pose.
-        valid: Which roles are known, shape (R,).
-        facts: What was found: unit, up axis, floor, rate, dropped frames; for reports.
-    """
-
-    skeleton: Skeleton
-    rate_hz: float
-    position: Array
-    orientation: Array
-    valid: BoolArray
-    facts: dict[str, str | float | bool]
-
-
-def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOptions) -> Recording:
+def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOptions) -> Clip:
     """Bring a clip into our world.
 
     Args:
@@ -145,17 +124,17 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
             f"joints are displaced in their parents by up to {displaced * scale.factor:.2f} m: bones stretch"
         )
 
-    floor, why = _floor(stance, options)
+    floor, why = choose_floor(stance, options.floor)
     notes.append(why)
     position[..., 2] -= floor
-    ankle_m, toe_m = _foot_heights(stance, floor, height_m)
+    ankle_m, toe_m = foot_heights(stance, floor, height_m)
     rest_position[:, 2] += ankle_m - np.mean(
         [role(rest_position, f"{s}_ankle")[2] for s in ("left", "right")]
     )
     _check_sides(path, position, notes)
     raw_hz = 1.0 / bvh.frame_time_s
     notes.append(f"rate: {rate_hz:g} Hz" + (f" (written {raw_hz:.4f} Hz)" if rate_hz != raw_hz else ""))
-    first, last = _window(path, len(position), rate_hz, options)
+    first, last = window(path, len(position), rate_hz, options.start_s, options.stop_s)
     valid = known_roles(position)
     skeleton = Skeleton(
         name=fit.name,
@@ -179,14 +158,15 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
         "dropped_tpose": bool(drop),
         "reference": reference.kind,
     }
-    return Recording(
+    clip = Clip(
         skeleton,
         rate_hz,
-        np.ascontiguousarray(position[first:last]),
-        _orientations(rig, poses.rotation[first:last], rotations),
-        valid,
+        position,
+        np.tile(valid, (len(position), 1)),
         facts,
+        _orientations(rig, poses.rotation, rotations),
     )
+    return clip.part(first, last)
 
 
 def _up(rig: Rig, bvh: Bvh, options: ReadOptions, notes: list[str]) -> str:
@@ -259,24 +239,6 @@ def _unit_note(scale: Scale, height_m: float, options: ReadOptions) -> str:
     )
 
 
-def _floor(stance: Stance, options: ReadOptions) -> tuple[float, str]:
-    if isinstance(options.floor, int | float):
-        return float(options.floor), f"floor: at {options.floor:g} m of the recording, as given"
-    if options.floor == "file":
-        return 0.0, f"floor: the file's zero (the feet stand {stance.floor_m:+.3f} m from it)"
-    if abs(stance.floor_m) <= FLOOR_TOLERANCE_M:
-        return 0.0, "floor: the file's zero"
-    return stance.floor_m, f"floor: {stance.floor_m:+.3f} m in the recording, from the standing feet"
-
-
-def _foot_heights(stance: Stance, floor: float, height_m: float) -> tuple[float, float]:
-    """Return the heights of ankle and toe joints over the floor in use [m]; usual fractions where unknown."""
-    ankle, toe, _ = (h + stance.floor_m - floor for h in stance.height_m)
-    ankle = ankle if np.isfinite(ankle) and ankle > 0.0 else ANKLE_FRACTION * height_m
-    toe = toe if np.isfinite(toe) and toe >= 0.0 else TOE_FRACTION * height_m
-    return float(ankle), float(toe)
-
-
 def _check_sides(path: str | Path, position: Array, notes: list[str]) -> None:
     cosine = handedness(position)
     if cosine < -0.3:
@@ -293,19 +255,6 @@ def _check_sides(path: str | Path, position: Array, notes: list[str]) -> None:
         notes.append(
             f"hips and shoulders face {np.median(twist):.0f} degrees apart: is the pelvis sensor calibrated?"
         )
-
-
-def _window(path: str | Path, frames: int, rate_hz: float, options: ReadOptions) -> tuple[int, int]:
-    first = round(options.start_s * rate_hz)
-    last = frames if options.stop_s is None else min(frames, round(options.stop_s * rate_hz) + 1)
-    if first >= last:
-        stop = "its end" if options.stop_s is None else f"{options.stop_s:g} s"
-        raise SourceError(
-            path,
-            f"no frame lies between {options.start_s:g} s and {stop}; "
-            f"the motion lasts {(frames - 1) / rate_hz:.3f} s",
-        )
-    return first, last
 
 
 def _orientations(rig: Rig, rotation: Array, rest: Array) -> Array:

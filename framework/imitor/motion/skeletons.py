@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, TypeVar
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -20,6 +20,8 @@ from imitor.errors import Problem, SpecError, did_you_mean
 from imitor.motion.bvh_hierarchy import Node
 from imitor.motion.normalise import UNITS
 from imitor.types import ROLES, SIDES
+
+Card = TypeVar("Card", bound=BaseModel)
 
 _SIDED: Final = tuple(r.removeprefix("left_") for r in ROLES if r.startswith("left_"))
 
@@ -132,13 +134,27 @@ def load_card(path: str | Path) -> SkeletonCard:
     Raises:
         SpecError: The file is not there, is no YAML or no skeleton card.
     """
+    return read_card(path, SkeletonCard, "skeleton card")
+
+
+def read_card(path: str | Path, schema: type[Card], what: str) -> Card:
+    """Read a data card of a source.
+
+    Args:
+        path: The file.
+        schema: What it must be.
+        what: How messages call it.
+
+    Raises:
+        SpecError: The file is not there, is no YAML or no such card.
+    """
     try:
         data: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-        return SkeletonCard.model_validate(data)
+        return schema.model_validate(data)
     except OSError as error:
-        problem = Problem(str(path), 0, 0, "", f"the skeleton card cannot be read: {error.strerror}")
+        problem = Problem(str(path), 0, 0, "", f"the {what} cannot be read: {error.strerror}")
     except UnicodeDecodeError:
-        problem = Problem(str(path), 0, 0, "", "the skeleton card is not UTF-8 text")
+        problem = Problem(str(path), 0, 0, "", f"the {what} is not UTF-8 text")
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line, column = (mark.line + 1, mark.column + 1) if mark else (0, 0)
