@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import sqrt
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import numpy as np
@@ -36,8 +35,6 @@ _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind
 Bounds = tuple[Array, Array]
 _PROGRESS, _PATIENCE = 0.98, 3
 """With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
-_LEAST = 0.1
-"""Least share of the squared damping that is left near the target [-]: less would step through stretched knees."""
 
 
 class Tolerance(Config):
@@ -58,12 +55,6 @@ class DampedLeastSquaresConfig(Config):
 
     damping: float = Field(
         0.3, gt=0, description="Damping lambda; positions are measured in leg lengths, so it has no unit [-]."
-    )
-    full_damping_error: float | None = Field(
-        None,
-        gt=0,
-        description="Norm of the errors, in leg lengths and rad, from which on the damping is full; below it the "
-        "squared damping falls in proportion, to a tenth, so that the last steps are quick; none: it is constant [-].",
     )
     iterations: Count | Mapping[Group, Count] = Field(
         default_factory=_paper_iterations,
@@ -226,7 +217,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             inverse = weights.inverse(joints)
             if rows.coupling is not None:
                 inverse = inverse[self._pick]
-            step = plan.solve(rows.J, rows.e, inverse, self._damping2(rows.e))
+            step = plan.solve(rows.J, rows.e, inverse, self.config.damping**2)
             if rows.coupling is not None:
                 step = rows.coupling.dot(step)
             if step.dot(step) > most * most:  # else no joint is over it either
@@ -237,13 +228,6 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
             self.spent = k + 1
         else:
             self.robot.update(q)  # the anchor's place is needed where the last step has left it
-
-    def _damping2(self, e: Array) -> float:
-        """Return the squared damping at errors without unit; that it may fall with them is after [sugihara2011]."""
-        full, damping2 = self.config.full_damping_error, self.config.damping**2
-        if full is None:
-            return damping2
-        return damping2 * min(max(sqrt(e.dot(e)) / full, _LEAST), 1.0)
 
     def _coupled(self, rounds: IntArray) -> IntArray:
         """Return values of independent joints for all of them, shape (n,)."""
@@ -282,7 +266,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         J, e = J * scale[:, None], layout.e * scale
         pick, inverse = self._pick, np.ones(J.shape[1])
         inverse[first:] = (self._weights.inverse(joints) * free)[pick]
-        step = plan.solve(J, e, inverse, self._damping2(e))
+        step = plan.solve(J, e, inverse, self.config.damping**2)
         largest = float(np.abs(step[first:]).max(initial=0.0))
         if largest > self.config.max_step_rad:
             step *= self.config.max_step_rad / largest
