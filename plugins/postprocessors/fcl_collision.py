@@ -52,7 +52,7 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
         from imitor.collision.shapes import robot_shapes
 
         try:
-            shapes = robot_shapes(self.robot)
+            shapes = robot_shapes(self.robot, self.config.margin_m)
         except ValueError as error:
             raise ImitorError(
                 f"robot '{self.robot.name}' cannot be checked for collisions: {error}"
@@ -61,7 +61,6 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
         self.correction = Correction(
             self.robot,
             shapes,
-            config.margin_m,
             config.iterations,
             config.speed_share * self.robot.speed * self.dt_s,
             math.exp(-self.dt_s / config.release_s),

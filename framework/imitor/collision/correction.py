@@ -23,8 +23,13 @@ if TYPE_CHECKING:
 
 _WATCH_M = 0.015
 """Pairs this much farther than the margin are kept in sight while others are moved apart [m]."""
+_AGAIN_M = 0.002
+"""Of these, only pairs this much farther than the margin are measured again after a step [m]."""
+_EXACT_M = 1e-4
+"""How much nearer than the margin pairs may stay [m]."""
 _CLOSE_RAD = 2e-4
-"""Iterations end when no joint moves by more [rad]."""
+"""Iterations end when no joint moves by more [rad]; when all is apart, by more than `_NEAR_RAD`."""
+_NEAR_RAD = 0.01
 _GONE_RAD = 1e-5
 """A fading change smaller than this is none [rad]."""
 _STEP_RAD = 0.2
@@ -37,7 +42,6 @@ class Correction:
     Args:
         robot: The robot, whose `update` is called when something is changed.
         shapes: Its shapes.
-        margin_m: Distance to keep [m].
         iterations: Linearisations a frame.
         step_rad: Largest growth of a joint's change in a frame, shape (n,) [rad].
         fade: Share of the change kept from frame to frame when it is no longer needed [-].
@@ -52,12 +56,11 @@ class Correction:
         self,
         robot: RobotModel,
         shapes: Shapes,
-        margin_m: float,
         iterations: int,
         step_rad: Array,
         fade: float,
     ) -> None:
-        self._robot, self._margin, self._iterations = robot, margin_m, iterations
+        self._robot, self._margin, self._iterations = robot, shapes.margin, iterations
         self._step, self._fade = step_rad, fade
         self.distances = Distances(robot, shapes)
         masks = np.zeros((len(shapes.links), robot.nv))
@@ -86,25 +89,25 @@ class Correction:
 
     def apply(self, stack: TaskStack, q: Array) -> None:
         """Change ``q`` in place, and leave the robot updated at it."""
-        near = self.distances.below(self._margin)
         first = self._offset is None
         before = np.zeros(self._robot.n) if self._offset is None else self._offset
         free = self._free(stack)
         before = np.where(free, before, 0.0)  # a foot that stands again stands where it was told to
-        if not len(near[0]) and not before.any():
-            self._offset = before
+        self._offset = before
+        if not before.any() and not len(self.distances.below(self._margin)[0]):
             return
-        offset = self._separate(
-            stack, q, before, free, np.full(self._robot.n, np.inf) if first else self._step
-        )
-        self._offset = offset
-        if offset.any():
+        step = np.full(self._robot.n, np.inf) if first else self._step
+        self._offset, depth = self._separate(stack, q, before, free, step)
+        if self._offset.any():
             self.changed += 1
-            self.largest_rad = max(self.largest_rad, float(np.abs(offset).max()))
-        if len(self.distances.below(self._margin - 0.001)[0]):
+            self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
+        if depth > 0.001:
             self.left += 1
 
-    def _separate(self, stack: TaskStack, q: Array, before: Array, free: BoolArray, step: Array) -> Array:
+    def _separate(
+        self, stack: TaskStack, q: Array, before: Array, free: BoolArray, step: Array
+    ) -> tuple[Array, float]:
+        """Move ``q``; return the change of the joints (n,) and by how much a pair is nearer than its margin [m]."""
         robot, S, given = self._robot, self._coupling, q[7:].copy()
         lead = S.argmax(axis=0)
         movable = np.array([free[S[:, k] != 0.0].all() for k in range(S.shape[1])])
@@ -112,28 +115,34 @@ class Correction:
         wish = before[lead] * self._fade
         wish[np.abs(wish) < _GONE_RAD] = 0.0
         low = np.maximum(robot.lower - given, before - step)[lead]
-        high = np.minimum(robot.upper - given, before + step)[lead]
-        high = np.maximum(high, low)
+        high = np.maximum(np.minimum(robot.upper - given, before + step)[lead], low)
         u = np.clip(wish, low, high)
         watched = self._com_axes(stack)
+        if watched.size:
+            self._set(q, given, 0.0 * given)
         goal = robot.com[watched].copy()
-        for _ in range(self._iterations):
+        sight: dict[int, tuple[Array, float]] = {}
+        moved, depth = np.inf, 0.0
+        for k in range(self._iterations + 1):
             self._set(q, given, S @ u)
-            pairs, d, normals, points = self.distances.below(self._margin + _WATCH_M)
-            if not len(pairs) and not watched.size:
+            pairs, d, normals, points = self.distances.below(self._margin + (_AGAIN_M if k else _WATCH_M))
+            lack = self._margin[pairs] - d
+            depth = float(lack.max(initial=0.0))
+            if k == self._iterations or moved < (_NEAR_RAD if depth < _EXACT_M else _CLOSE_RAD):
+                break
+            if depth <= 0.0 and not k and not watched.size:
                 break
             A = self.jacobian(pairs, normals, points) @ S
+            sight.update(zip(pairs.tolist(), zip(A, lack + A @ u, strict=True), strict=True))
+            rows = np.array([a for a, _ in sight.values()]).reshape(-1, len(u))
+            b = np.array([x for _, x in sight.values()])
             C = robot.com_jacobian[watched, 6:] @ S
             reach_low, reach_high = np.maximum(low, u - _STEP_RAD), np.minimum(high, u + _STEP_RAD)
-            b = self._margin - d + A @ u
-            new = smallest_motion(wish, A, b, reach_low, reach_high, C, goal - robot.com[watched] + C @ u)
-            done = float(np.abs(new - u).max(initial=0.0)) < _CLOSE_RAD
+            new = smallest_motion(wish, rows, b, reach_low, reach_high, C, goal - robot.com[watched] + C @ u)
+            moved = float(np.abs(new - u).max(initial=0.0))
             u = new
-            if done:
-                break
         offset: Array = S @ u
-        self._set(q, given, offset)
-        return offset
+        return offset, depth
 
     def _set(self, q: Array, given: Array, offset: Array) -> None:
         q[7:] = np.clip(given + offset, self._robot.lower, self._robot.upper) if offset.any() else given

@@ -5,10 +5,14 @@ moved by more than :math:`s`. A shape turned by :math:`\theta` about the centre 
 :math:`r`, which moved by :math:`c`, has :math:`s \le c + r\,\|R - R'\|_F / \sqrt 2`. Only pairs whose bound falls
 below what is asked for are measured again, so that a calm robot costs a few array operations. Motion counts in the
 base's frame, where a walking robot's trunk stands still; what is returned does not depend on the history.
+
+Shapes apart are measured by GJK, overlapping ones by Minkowski portal refinement: exact where they just overlap, never
+less than the depth where they overlap much.
 """
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -41,7 +45,8 @@ class Distances:
         self._base = robot.data.oMi[1]
         self._first, self._second = shapes.pairs[:, 0], shapes.pairs[:, 1]
         self._reach = shapes.radius[self._first] + shapes.radius[self._second]
-        self._request = fcl.DistanceRequest(True, True)
+        self._request = fcl.DistanceRequest(True, False)
+        self._overlap = fcl.CollisionRequest(num_max_contacts=1, enable_contact=True)
         self._world_R, self._world_p = np.zeros((2, 0)), np.zeros((2, 0))
         self.reset()
 
@@ -49,9 +54,10 @@ class Distances:
         """Forget earlier distances."""
         self._bound: Array = np.full(len(self.shapes.pairs), -np.inf)
         self._last: tuple[Array, Array] | None = None
+        self._fresh: dict[int, tuple[float, Array, Array]] = {}
 
-    def below(self, distance: float) -> tuple[IntArray, Array, Array, Array]:
-        """Return pairs nearer than a distance [m].
+    def below(self, distance: float | Array) -> tuple[IntArray, Array, Array, Array]:
+        """Return pairs nearer than a distance [m], the same for all or one a pair, (P,).
 
         Returns:
             Their indices (K,), signed distances (K,) [m], unit normals from the second to the first shape (K, 3) in
@@ -65,29 +71,28 @@ class Distances:
         if self._last is not None:
             moved = np.sqrt(((C - self._last[0]) ** 2).sum(axis=1))
             moved += s.radius * np.sqrt(((B - self._last[1]) ** 2).sum(axis=(1, 2)) / 2.0)
-            self._bound -= moved[self._first] + moved[self._second]
+            if moved.any():
+                self._bound -= moved[self._first] + moved[self._second]
+                self._fresh.clear()
         self._last = (C, B)
         gap = C[self._first] - C[self._second]
         apart = np.sqrt(np.einsum("ij,ij->i", gap, gap)) - self._reach
         candidates = np.flatnonzero(np.maximum(apart, self._bound) < distance)
-        self.measured = len(candidates)
-        found, values, normals, points = [], [], [], []
-        if candidates.size:
-            self._move(np.unique(s.pairs[candidates]), R, p)
-        for k in candidates.tolist():
-            d, n, x = self._measure(k)
-            self._bound[k] = d
-            if d < distance:
-                found.append(k)
-                values.append(d)
-                normals.append(n)
-                points.append(x)
+        new = [k for k in candidates.tolist() if k not in self._fresh]
+        self.measured = len(new)
+        if new:
+            self._move(np.unique(s.pairs[new]), R, p)
+        for k in new:
+            self._fresh[k] = self._measure(k)
+            self._bound[k] = self._fresh[k][0]
+        found = candidates[self._bound[candidates] < np.broadcast_to(distance, self._bound.shape)[candidates]]
+        known = [self._fresh[k] for k in found.tolist()]
         shape = (len(found), 3)
         return (
-            np.array(found, dtype=int),
-            np.array(values),
-            np.array(normals).reshape(shape),
-            np.array(points).reshape(shape),
+            found,
+            np.array([d for d, _, _ in known]),
+            np.array([n for _, n, _ in known]).reshape(shape),
+            np.array([x for _, _, x in known]).reshape(shape),
         )
 
     def _move(self, shapes: IntArray, R: Array, p: Array) -> None:
@@ -99,15 +104,20 @@ class Distances:
 
     def _measure(self, pair: int) -> tuple[float, Array, Array]:
         i, j = self.shapes.pairs[pair]
-        result: Any = self._fcl.DistanceResult()
         a, b = self.shapes.objects[i], self.shapes.objects[j]
+        result: Any = self._fcl.DistanceResult()
         d = float(self._fcl.distance(a, b, self._request, result))
-        near, far = (np.asarray(x) for x in result.nearest_points)
-        normal = near - far
-        length = float(np.linalg.norm(normal))
-        if length > 1e-9:
-            normal = normal / (length if d >= 0.0 else -length)
-        else:  # just touching: apart along the line of the centres
-            normal = np.asarray(a.getTranslation()) - np.asarray(b.getTranslation())
-            normal = normal / max(float(np.linalg.norm(normal)), 1e-9)
-        return d, normal, 0.5 * (near + far)
+        if d > 0.0:
+            near, far = result.nearest_points
+            normal = near - far
+            length = math.sqrt(float(normal @ normal))
+            if length > 1e-9:
+                return d, normal / length, 0.5 * (near + far)
+        else:
+            overlap: Any = self._fcl.CollisionResult()
+            if self._fcl.collide(a, b, self._overlap, overlap):
+                contact = overlap.contacts[0]
+                return -float(contact.penetration_depth), -np.asarray(contact.normal), np.asarray(contact.pos)
+        # just touching: apart along the line of the centres
+        p, q = np.asarray(a.getTranslation()), np.asarray(b.getTranslation())
+        return 0.0, (p - q) / max(float(np.linalg.norm(p - q)), 1e-9), 0.5 * (p + q)
