@@ -1,4 +1,4 @@
-"""Self-collision: links that come too near are moved apart."""
+"""Collisions: links that come too near one another or an object around the robot are moved apart."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ _LOG: Final = logging.getLogger("imitor")
 class FclCollisionConfig(Config):
     """How far apart links stay, and how quickly they are moved."""
 
-    margin_m: float = Field(0.005, ge=0, le=0.1, description="Distance that links keep [m].")
+    margin_m: float = Field(
+        0.005, ge=0, le=0.1, description="Distance that links keep from one another and from objects [m]."
+    )
     iterations: int = Field(6, ge=1, le=50, description="Linearisations of the distances a frame [-].")
     speed_share: float = Field(
         0.8, gt=0, le=1, description="Share of a joint's speed that a correction may grow with [-]."
@@ -31,10 +33,10 @@ class FclCollisionConfig(Config):
 
 
 class FclCollision(Postprocessor[FclCollisionConfig]):
-    """Keep the robot's links apart by the smallest change of joints that carry no standing foot.
+    """Keep links off one another and off objects by the smallest change of joints that carry no standing foot.
 
-    Distances come from python-fcl between convex hulls of the collision geometry. A configuration in which
-    nothing is near is left as it is, to the last bit.
+    Distances come from python-fcl between simple shapes around the collision geometry, and objects of the pipeline's
+    ``environment``. A configuration in which nothing is near is left as it is, to the last bit.
     """
 
     name = "fcl_collision"
@@ -46,13 +48,18 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
         """Prepare shapes and pairs.
 
         Raises:
-            ImitorError: The robot has no usable collision geometry.
+            ImitorError: The robot has no usable collision geometry, or an object's mesh cannot be used.
         """
         from imitor.collision.correction import Correction
+        from imitor.collision.obstacles import obstacles
         from imitor.collision.shapes import robot_shapes
 
         try:
-            shapes = robot_shapes(self.robot, self.config.margin_m)
+            around = obstacles(self.environment)
+        except ValueError as error:
+            raise ImitorError(f"environment: {error}") from None
+        try:
+            shapes = robot_shapes(self.robot, self.config.margin_m, around)
         except ValueError as error:
             raise ImitorError(
                 f"robot '{self.robot.name}' cannot be checked for collisions: {error}"

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 TOLERANCE_M: Final = 0.002
 """How far a simple shape may stand out from the full hull [m]."""
+_STANDING_SLACK_M: Final = 5e-4
+"""How much nearer than in the standing posture a pair may come that is near there: some never leave it [m]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
 
     Boxes, spheres, cylinders and capsules are taken as they are; a mesh becomes a simple shape around its convex
     hull. A pair that would then be nearer than the margin in the standing posture keeps the full hulls, and where even
-    these are nearer, the pair keeps the distance it has there. The robot is left in the standing posture.
+    these are nearer, the pair keeps the distance it has there, less half a millimetre. The robot is left in that posture.
 
     Args:
         robot: The robot.
@@ -108,7 +110,7 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
         pairs[close] = [[fine.get(k, k) for k in pair] for pair in pairs[close].tolist()]
         shapes = assemble(parts, pairs, np.full(len(pairs), margin_m), rule)
         close, distance, _, _ = Distances(robot, shapes).below(margin_m)
-        shapes.margin[close] = distance
+        shapes.margin[close] = distance - _STANDING_SLACK_M
     if not obstacles:
         return shapes
     feet = {robot.model.frames[robot.frame_id(f"{side}_foot")].parentJoint for side in SIDES}
