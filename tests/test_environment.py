@@ -165,7 +165,10 @@ def things(robot: RobotModel, folder: Path) -> dict[str, Mapping[str, Any]]:
     low, high = table(robot)
     middle = (0.5 * (low + high)).tolist()
     write_stl(folder / "table.stl", low, high)
-    lying = {"position_m": [float(low[0]) + 0.06, middle[1], float(high[2]) - 0.06], "rpy_rad": [1.5708, 0.0, 0.0]}
+    lying = {
+        "position_m": [float(low[0]) + 0.06, middle[1], float(high[2]) - 0.06],
+        "rpy_rad": [1.5708, 0.0, 0.0],
+    }
     return {
         "box": {"name": "table", "shape": "box", "size_m": (high - low).tolist(), "position_m": middle},
         "cylinder": {"name": "bar", "shape": "cylinder", "radius_m": 0.06, "length_m": 0.5, **lying},

@@ -194,6 +194,7 @@ class Pipeline:
             where = "guard"
             self.guard.apply(self.stack, state)
             state.contact[:] = self.stack.contact
+            state.sent = state.q.copy()
         except RunError as error:
             raise type(error)(str(error), frame=self._index, time_s=time_s, stage=where) from error
         except Exception as error:  # a plugin's fault ends the run, not the program: finished frames are kept

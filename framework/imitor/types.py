@@ -157,8 +157,10 @@ class Configuration:
             x y z w, joint positions [rad or m].
         contact: The feet that the robot stands on (left, right), shape (2,).
         status: Index into ``STATUS``.
+        sent: The last command that left the guard, shape (nq,); ``None`` before the first. Stages read it.
     """
 
     q: Array
     contact: BoolArray
     status: int = 0
+    sent: Array | None = None

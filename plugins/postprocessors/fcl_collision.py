@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import Field
@@ -30,6 +29,14 @@ class FclCollisionConfig(Config):
     release_s: float = Field(
         0.15, gt=0, description="Time in which a correction fades to 37 % when no longer needed [s]."
     )
+    slide: bool = Field(
+        False, description="Whether a standing foot that is not the anchor may slide on the ground [-]."
+    )
+    interim: bool = Field(
+        False,
+        description="Whether later stages set the feet on the ground anew: then standing feet may move, and the pose "
+        "is not slowed down to what the guard lets through [-].",
+    )
 
 
 class FclCollision(Postprocessor[FclCollisionConfig]):
@@ -50,7 +57,7 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
         Raises:
             ImitorError: The robot has no usable collision geometry, or an object's mesh cannot be used.
         """
-        from imitor.collision.correction import Correction
+        from imitor.collision.correction import Correction, Settings
         from imitor.collision.obstacles import obstacles
         from imitor.collision.shapes import robot_shapes
 
@@ -64,14 +71,9 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
             raise ImitorError(
                 f"robot '{self.robot.name}' cannot be checked for collisions: {error}"
             ) from None
-        config = self.config
-        self.correction = Correction(
-            self.robot,
-            shapes,
-            config.iterations,
-            config.speed_share * self.robot.speed * self.dt_s,
-            math.exp(-self.dt_s / config.release_s),
-        )
+        c = self.config
+        settings = Settings(self.dt_s, c.iterations, c.speed_share, c.release_s, c.interim, c.slide)
+        self.correction = Correction(self.robot, shapes, settings)
         self._told = False
 
     def reset(self) -> None:
@@ -81,7 +83,7 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
 
     def step(self, stack: TaskStack, state: Configuration) -> None:
         """Move links apart that are nearer than the margin."""
-        self.correction.apply(stack, state.q)
+        self.correction.apply(stack, state)
 
     def close(self) -> None:
         """Say once what was changed."""

@@ -8,15 +8,19 @@ of configuration is carried on from frame to frame: it may grow by a bounded ste
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from imitor.collision.distances import Distances
+from imitor.collision.feet import Feet
 from imitor.collision.shapes import Shapes
 from imitor.collision.smallest import smallest_motion
+from imitor.safety.guard import Guard
 from imitor.tasks import TaskKind, TaskStack
-from imitor.types import SIDES, Array, BoolArray, IntArray
+from imitor.types import Array, BoolArray, Configuration, IntArray
 
 if TYPE_CHECKING:
     from imitor.robot.model import RobotModel
@@ -32,8 +36,33 @@ _CLOSE_RAD = 2e-4
 _NEAR_RAD = 0.01
 _GONE_RAD = 1e-5
 """A fading change smaller than this is none [rad]."""
+_WORSE_M = 0.003
+"""A step after which a pair is this much nearer is halved [m], at most `_HALVINGS` times."""
+_HALVINGS = 3
 _STEP_RAD = 0.2
 """Largest change of a joint in one iteration, within which distances are nearly linear [rad]."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How links are kept apart; the options of the post-processor.
+
+    Attributes:
+        dt_s: Time between frames [s].
+        iterations: Linearisations a frame.
+        speed_share: Share of a joint's speed that a change may grow with [-].
+        release_s: Time in which a change fades to 37 % when no longer needed [s].
+        interim: Whether later stages set the feet on the ground anew: standing feet may move, and the pose is not
+            slowed down to what the guard lets through.
+        slide: Whether a standing foot that is not the anchor may slide on the ground.
+    """
+
+    dt_s: float
+    iterations: int = 6
+    speed_share: float = 0.8
+    release_s: float = 0.15
+    interim: bool = False
+    slide: bool = False
 
 
 class Correction:
@@ -42,26 +71,20 @@ class Correction:
     Args:
         robot: The robot, whose `update` is called when something is changed.
         shapes: Its shapes.
-        iterations: Linearisations a frame.
-        step_rad: Largest growth of a joint's change in a frame, shape (n,) [rad].
-        fade: Share of the change kept from frame to frame when it is no longer needed [-].
+        settings: How it is done.
 
     Attributes:
         changed: Frames in which the configuration was changed.
-        left: Frames in which a pair stayed nearer than the margin less 1 mm.
+        left: Frames in which a pair stayed nearer than its margin less 1 mm.
         largest_rad: Largest change of a joint [rad].
     """
 
-    def __init__(
-        self,
-        robot: RobotModel,
-        shapes: Shapes,
-        iterations: int,
-        step_rad: Array,
-        fade: float,
-    ) -> None:
-        self._robot, self._margin, self._iterations = robot, shapes.margin, iterations
-        self._step, self._fade = step_rad, fade
+    def __init__(self, robot: RobotModel, shapes: Shapes, settings: Settings) -> None:
+        self._robot, self._margin, self._settings = robot, shapes.margin, settings
+        self._step = settings.speed_share * robot.speed * settings.dt_s
+        self._fade = math.exp(-settings.dt_s / settings.release_s)
+        self._guard = None if settings.interim else Guard(robot, settings.dt_s)
+        self._feet = Feet(robot, release=settings.interim, slide=settings.slide)
         self.distances = Distances(robot, shapes)
         masks = np.zeros((len(shapes.links), robot.nv))
         for mask, joint in zip(masks, shapes.joint.tolist(), strict=True):
@@ -80,6 +103,8 @@ class Correction:
         self.largest_rad = 0.0
         self._offset: Array | None = None
         self.distances.reset()
+        if self._guard is not None:
+            self._guard.reset()
 
     def jacobian(self, pairs: IntArray, normals: Array, points: Array) -> Array:
         """Return how distances change with the joints at the robot's last update, shape (K, n) [m/rad]."""
@@ -87,77 +112,124 @@ class Correction:
         rows: Array = (wrench @ self._robot.jacobian[:, 6:]) * self._difference[pairs]
         return rows
 
-    def apply(self, stack: TaskStack, q: Array) -> None:
-        """Change ``q`` in place, and leave the robot updated at it."""
+    def apply(self, stack: TaskStack, state: Configuration) -> None:
+        """Change ``state.q`` in place, and leave the robot updated at it."""
+        q, sent, robot = state.q, state.sent, self._robot
+        if sent is not None and np.array_equal(q, sent):
+            return  # the last command again: it was corrected then
         first = self._offset is None
-        before = np.zeros(self._robot.n) if self._offset is None else self._offset
-        free = self._free(stack)
-        before = np.where(free, before, 0.0)  # a foot that stands again stands where it was told to
+        free = self._feet.free(stack)
+        # a foot that stands again stands where it was told to
+        before = np.where(free, np.zeros(robot.n) if self._offset is None else self._offset, 0.0)
+        wish = self._fade * before
+        wish[np.abs(wish) < _GONE_RAD] = 0.0
+        low, high = robot.lower, robot.upper
+        if self._guard is not None and sent is not None:
+            low, high = self._slowed(stack, q, wish, sent)
+        bounded = first or (self._guard is not None and sent is not None)
+        step = np.full(robot.n, np.inf) if bounded else self._step
         self._offset = before
         if not before.any() and not len(self.distances.below(self._margin)[0]):
             return
-        step = np.full(self._robot.n, np.inf) if first else self._step
-        self._offset, depth = self._separate(stack, q, before, free, step)
+        given = q[7:].copy()
+        low, high = np.minimum(low - given, 0.0), np.maximum(high - given, 0.0)
+        box = np.clip(before - step, low, high), np.clip(before + step, low, high)
+        self._offset, depth = self._separate(stack, q, wish, free, *box)
+        if depth > 0.001 and sent is not None and self._guard is not None:
+            depth = self._stay(q, given, np.where(free, sent[7:] - given, 0.0), depth)
         if self._offset.any():
             self.changed += 1
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
         if depth > 0.001:
             self.left += 1
 
+    def _slowed(self, stack: TaskStack, q: Array, wish: Array, sent: Array) -> tuple[Array, Array]:
+        """Slow ``q`` down as the guard would; return the range of the joints at this frame, (n,) each [rad].
+
+        Else the guard would send a pose between the last command and one without collisions, which may have some.
+        """
+        assert self._guard is not None
+        low, high = self._guard.follow(sent)
+        joints = q[7:] + wish
+        if (joints < low - 1e-12).any() or (joints > high + 1e-12).any():
+            trial = Configuration(q.copy(), np.asarray(stack.contact))
+            trial.q[7:] = joints
+            self._guard.apply(stack, trial)
+            q[:] = trial.q
+            q[7:] -= wish
+            self._robot.update(q)
+        return low, high
+
     def _separate(
-        self, stack: TaskStack, q: Array, before: Array, free: BoolArray, step: Array
+        self, stack: TaskStack, q: Array, wish: Array, free: BoolArray, low: Array, high: Array
     ) -> tuple[Array, float]:
         """Move ``q``; return the change of the joints (n,) and by how much a pair is nearer than its margin [m]."""
         robot, S, given = self._robot, self._coupling, q[7:].copy()
         lead = S.argmax(axis=0)
         movable = np.array([free[S[:, k] != 0.0].all() for k in range(S.shape[1])])
         S, lead = S[:, movable], lead[movable]
-        wish = before[lead] * self._fade
-        wish[np.abs(wish) < _GONE_RAD] = 0.0
-        low = np.maximum(robot.lower - given, before - step)[lead]
-        high = np.maximum(np.minimum(robot.upper - given, before + step)[lead], low)
+        wish, low, high = wish[lead], low[lead], high[lead]
         u = np.clip(wish, low, high)
         watched = self._com_axes(stack)
-        if watched.size:
+        slides = self._feet.sliding(stack)
+        kept = bool(watched.size) or slides is not None
+        if kept:
             self._set(q, given, 0.0 * given)
         goal = robot.com[watched].copy()
+        ground = self._feet.height_and_tilt(slides) if slides is not None else None
         sight: dict[int, tuple[Array, float]] = {}
-        moved, depth = np.inf, 0.0
-        for k in range(self._iterations + 1):
-            self._set(q, given, S @ u)
-            pairs, d, normals, points = self.distances.below(self._margin + (_AGAIN_M if k else _WATCH_M))
-            lack = self._margin[pairs] - d
-            depth = float(lack.max(initial=0.0))
-            if k == self._iterations or moved < (_NEAR_RAD if depth < _EXACT_M else _CLOSE_RAD):
+        moved, depth, origin, best = np.inf, 0.0, u, (np.inf, u)
+        for k in range(self._settings.iterations + 1):
+            known = depth
+            for _ in range(_HALVINGS + 1):
+                self._set(q, given, S @ u)
+                pairs, d, normals, points = self.distances.below(self._margin + (_AGAIN_M if k else _WATCH_M))
+                lack = self._margin[pairs] - d
+                depth = float(lack.max(initial=0.0))
+                if not k or depth <= known + _WORSE_M:
+                    break
+                u = 0.5 * (origin + u)  # too far: something came into the way that was not in sight
+            best = min(best, (depth, u), key=lambda x: x[0])
+            if k == self._settings.iterations or moved < (_NEAR_RAD if depth < _EXACT_M else _CLOSE_RAD):
                 break
-            if depth <= 0.0 and not k and not watched.size:
+            if depth <= 0.0 and not k and not kept:
                 break
             A = self.jacobian(pairs, normals, points) @ S
             sight.update(zip(pairs.tolist(), zip(A, lack + A @ u, strict=True), strict=True))
             rows = np.array([a for a, _ in sight.values()]).reshape(-1, len(u))
             b = np.array([x for _, x in sight.values()])
-            C = robot.com_jacobian[watched, 6:] @ S
+            C = robot.com_jacobian[watched, 6:]
+            c = goal - robot.com[watched]
+            if ground is not None and slides is not None:
+                C = np.vstack([C, self._feet.rows(slides)])
+                c = np.append(c, ground - self._feet.height_and_tilt(slides))
+            C = C @ S
             reach_low, reach_high = np.maximum(low, u - _STEP_RAD), np.minimum(high, u + _STEP_RAD)
-            new = smallest_motion(wish, rows, b, reach_low, reach_high, C, goal - robot.com[watched] + C @ u)
+            new = smallest_motion(wish, rows, b, reach_low, reach_high, C, c + C @ u)
             moved = float(np.abs(new - u).max(initial=0.0))
-            u = new
+            origin, u = u, new
+        if depth > max(best[0], _EXACT_M):
+            depth, u = best
+            self._set(q, given, S @ u)
         offset: Array = S @ u
         return offset, depth
+
+    def _stay(self, q: Array, given: Array, offset: Array, depth: float) -> float:
+        """Leave free joints where the last command had them if links are farther apart there; return the depth [m]."""
+        found = q.copy()
+        self._set(q, given, offset)
+        pairs, d, _, _ = self.distances.below(self._margin)
+        before = float((self._margin[pairs] - d).max(initial=0.0))
+        if before < depth:
+            self._offset = offset
+            return before
+        q[:] = found
+        self._robot.update(q)
+        return depth
 
     def _set(self, q: Array, given: Array, offset: Array) -> None:
         q[7:] = np.clip(given + offset, self._robot.lower, self._robot.upper) if offset.any() else given
         self._robot.update(q)
-
-    def _free(self, stack: TaskStack) -> BoolArray:
-        """Return the joints whose motion moves neither the anchor nor a standing foot against the base, (n,)."""
-        robot = self._robot
-        held = np.zeros(robot.nv)
-        for side, stands in zip(SIDES, stack.contact.tolist(), strict=True):
-            if stands:
-                held += robot.ancestors(f"{side}_foot")
-        if stack.anchor:
-            held += robot.ancestors(stack.anchor)
-        return np.asarray(held[6:] == 0.0)
 
     @staticmethod
     def _com_axes(stack: TaskStack) -> IntArray:

@@ -33,6 +33,7 @@ class Shapes:
         joint: Joint of the robot's model that carries each shape, 0 for the world, (S,).
         rotation, translation: Placement in that joint's frame, (S, 3, 3) and (S, 3) [m].
         centre, radius: Bounding sphere in that joint's frame, (S, 3) and (S,) [m].
+        corners, thickness: What each shape is the thickened hull of, in its own frame, (K, 3) and [m].
         pairs: Indices of the shapes of each pair, (P, 2).
         margin: Distance that each pair keeps, (P,) [m].
         rule: How the pairs were chosen, for people.
@@ -45,6 +46,8 @@ class Shapes:
     translation: Array
     centre: Array
     radius: Array
+    corners: list[Array]
+    thickness: list[float]
     pairs: IntArray
     margin: Array
     rule: str
@@ -55,7 +58,7 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
 
     Boxes, spheres, cylinders and capsules are taken as they are; a mesh becomes a simple shape around its convex
     hull. A pair that would then be nearer than the margin in the standing posture keeps the full hulls, and where even
-    these are nearer, the pair keeps the distance it has there, less half a millimetre. The robot is left in that posture.
+    these are nearer, the pair keeps the distance it has there, less half a millimetre. The robot is left in it.
 
     Args:
         robot: The robot.
@@ -139,6 +142,8 @@ def assemble(parts: Sequence[Part], pairs: IntArray, margin: Array, rule: str = 
         translation,
         (rotation @ centre[:, :, None])[:, :, 0] + translation,
         np.array([p.radius for p in parts]),
+        [p.corners for p in parts],
+        [p.thickness for p in parts],
         pairs,
         margin,
         rule,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from imitor.types import Array
+
+_EDGES: Final = 32
+"""Edges of the prism around a cylinder: it stands out by 0.5 % of the radius."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class Part:
         solid: A python-fcl shape.
         centre: Centre of a ball around the solid, in its frame, (3,) [m].
         radius: Radius of that ball [m].
+        corners: Points in its frame whose convex hull, made thicker by `thickness`, is the solid, (K, 3) [m].
+        thickness: See above [m].
     """
 
     link: str
@@ -29,6 +34,8 @@ class Part:
     solid: Any
     centre: Array
     radius: float
+    corners: Array
+    thickness: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -54,7 +61,7 @@ class Hull:
         """Return it fixed to a joint."""
         centre = 0.5 * (self.corners.min(axis=0) + self.corners.max(axis=0))
         radius = float(np.linalg.norm(self.corners - centre, axis=1).max())
-        return Part(link, joint, placement, self.solid(), centre, radius)
+        return Part(link, joint, placement, self.solid(), centre, radius, self.corners)
 
 
 @dataclass(frozen=True)
@@ -80,9 +87,10 @@ class Capsule:
         frame = np.eye(4)
         frame[:3, :3] = np.column_stack([across[0], np.cross(z, across[0]), z])
         frame[:3, 3] = self.ends.mean(axis=0)
+        ends = np.array([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]) * length
         return Part(
             link, joint, placement @ frame, fcl.Capsule(self.radius, length), np.zeros(3),
-            self.radius + 0.5 * length,
+            self.radius + 0.5 * length, ends, self.radius,
         )  # fmt: skip
 
 
@@ -112,23 +120,24 @@ def box(link: str, joint: int, placement: Array, sides: Array) -> Part:
     """Return a box with its centre at a placement; sides along x, y, z, (3,) [m]."""
     import fcl
 
-    return Part(
-        link, joint, placement, fcl.Box(*sides), np.zeros(3), 0.5 * float(np.linalg.norm(sides))
-    )  # fmt: skip
+    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    radius = 0.5 * float(np.linalg.norm(sides))
+    return Part(link, joint, placement, fcl.Box(*sides), np.zeros(3), radius, signs * sides)
 
 
 def cylinder(link: str, joint: int, placement: Array, radius: float, length: float) -> Part:
     """Return a cylinder along z with its centre at a placement; radius and length [m]."""
     import fcl
 
-    return Part(
-        link, joint, placement, fcl.Cylinder(radius, length), np.zeros(3),
-        float(np.hypot(radius, 0.5 * length)),
-    )  # fmt: skip
+    turn = np.linspace(0.0, 2.0 * np.pi, _EDGES, endpoint=False)
+    rim = radius / np.cos(np.pi / _EDGES) * np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    corners = np.concatenate([rim + np.array([0.0, 0.0, z * length]) for z in (-0.5, 0.5)])
+    ball = float(np.hypot(radius, 0.5 * length))
+    return Part(link, joint, placement, fcl.Cylinder(radius, length), np.zeros(3), ball, corners)
 
 
 def sphere(link: str, joint: int, placement: Array, radius: float) -> Part:
     """Return a ball with its centre at a placement; radius [m]."""
     import fcl
 
-    return Part(link, joint, placement, fcl.Sphere(radius), np.zeros(3), radius)
+    return Part(link, joint, placement, fcl.Sphere(radius), np.zeros(3), radius, np.zeros((1, 3)), radius)
