@@ -32,6 +32,11 @@ class FclCollisionConfig(Config):
     slide: bool = Field(
         False, description="Whether a standing foot that is not the anchor may slide on the ground [-]."
     )
+    hold: bool = Field(
+        True,
+        description="Whether a pose whose links would still overlap is approached at half or a quarter of the step, and "
+        "the last command repeated if that does not help; it is sent otherwise [-].",
+    )
     interim: bool = Field(
         False,
         description="Whether later stages set the feet on the ground anew: then standing feet may move, and the pose "
@@ -72,7 +77,9 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
                 f"robot '{self.robot.name}' cannot be checked for collisions: {error}"
             ) from None
         c = self.config
-        settings = Settings(self.dt_s, c.iterations, c.speed_share, c.release_s, c.interim, c.slide)
+        settings = Settings(
+            self.dt_s, c.margin_m, c.iterations, c.speed_share, c.release_s, c.interim, c.slide, c.hold
+        )
         self.correction = Correction(self.robot, shapes, settings)
         self._told = False
 
@@ -92,9 +99,12 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
             return
         self._told = True
         _LOG.info(
-            "fcl_collision: %d frames changed, by at most %.3f rad a joint; %d frames with links still too near",
+            "fcl_collision: %d frames changed, by at most %.3f rad a joint, %d slowed down, %d held; %d frames with "
+            "links still too near",
             correction.changed,
             correction.largest_rad,
+            correction.slowed,
+            correction.held,
             correction.left,
         )
 

@@ -20,7 +20,7 @@ from imitor.collision.shapes import Shapes
 from imitor.collision.smallest import smallest_motion
 from imitor.safety.guard import Guard
 from imitor.tasks import TaskKind, TaskStack
-from imitor.types import Array, BoolArray, Configuration, IntArray
+from imitor.types import STATUS, Array, BoolArray, Configuration, IntArray
 
 if TYPE_CHECKING:
     from imitor.robot.model import RobotModel
@@ -39,6 +39,9 @@ _GONE_RAD = 1e-5
 _WORSE_M = 0.003
 """A step after which a pair is this much nearer is halved [m], at most `_HALVINGS` times."""
 _HALVINGS = 3
+_SHARES = (0.5, 0.25)
+"""Shares of the way from the last command that are tried where links overlap at its end [-]."""
+_HELD = STATUS.index("held")
 _STEP_RAD = 0.2
 """Largest change of a joint in one iteration, within which distances are nearly linear [rad]."""
 
@@ -49,20 +52,24 @@ class Settings:
 
     Attributes:
         dt_s: Time between frames [s].
+        margin_m: Distance that links keep [m].
         iterations: Linearisations a frame.
         speed_share: Share of a joint's speed that a change may grow with [-].
         release_s: Time in which a change fades to 37 % when no longer needed [s].
         interim: Whether later stages set the feet on the ground anew: standing feet may move, and the pose is not
             slowed down to what the guard lets through.
         slide: Whether a standing foot that is not the anchor may slide on the ground.
+        hold: Whether a pose whose links would still overlap is approached more slowly, or not at all.
     """
 
     dt_s: float
+    margin_m: float = 0.005
     iterations: int = 6
     speed_share: float = 0.8
     release_s: float = 0.15
     interim: bool = False
     slide: bool = False
+    hold: bool = True
 
 
 class Correction:
@@ -76,6 +83,7 @@ class Correction:
     Attributes:
         changed: Frames in which the configuration was changed.
         left: Frames in which a pair stayed nearer than its margin less 1 mm.
+        slowed, held: Frames in which only a share of the way was gone, and in which the last command was repeated.
         largest_rad: Largest change of a joint [rad].
     """
 
@@ -99,7 +107,7 @@ class Correction:
 
     def reset(self) -> None:
         """Forget earlier frames and counts."""
-        self.changed = self.left = 0
+        self.changed = self.left = self.slowed = self.held = 0
         self.largest_rad = 0.0
         self._offset: Array | None = None
         self.distances.reset()
@@ -131,12 +139,15 @@ class Correction:
         self._offset = before
         if not before.any() and not len(self.distances.below(self._margin)[0]):
             return
-        given = q[7:].copy()
+        asked, given = q.copy(), q[7:].copy()
         low, high = np.minimum(low - given, 0.0), np.maximum(high - given, 0.0)
         box = np.clip(before - step, low, high), np.clip(before + step, low, high)
         self._offset, depth = self._separate(stack, q, wish, free, *box)
         if depth > 0.001 and sent is not None and self._guard is not None:
             depth = self._stay(q, given, np.where(free, sent[7:] - given, 0.0), depth)
+            if depth > self._settings.margin_m and self._settings.hold:
+                asked[7:] += wish
+                depth = self._wait(stack, state, asked, sent, wish, free)
         if self._offset.any():
             self.changed += 1
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
@@ -226,6 +237,42 @@ class Correction:
         q[:] = found
         self._robot.update(q)
         return depth
+
+    def _wait(
+        self, stack: TaskStack, state: Configuration, asked: Array, sent: Array, wish: Array, free: BoolArray
+    ) -> float:
+        """Go a share of the way from the last command to what is asked for, or stay there; return the depth [m].
+
+        Args:
+            stack: The tasks: the anchor keeps its place.
+            state: What is written.
+            asked: The pose that cannot be reached without a collision, (nq,).
+            sent: The last command, (nq,).
+            wish: Part of ``asked`` that is a correction, (n,) [rad].
+            free: Joints that may be corrected, (n,).
+        """
+        robot, q = self._robot, state.q
+        before = self._offset
+        for share in _SHARES:
+            q[:] = robot.interpolate(sent, asked, share)
+            robot.update(q)
+            if stack.anchor:
+                robot.place(q, stack.anchor, stack.anchor_pose)
+            q[7:] -= wish
+            step = self._robot.speed * self._settings.dt_s
+            given = q[7:]
+            low = np.maximum(robot.lower, sent[7:] - step) - given
+            high = np.minimum(robot.upper, sent[7:] + step) - given
+            box = np.minimum(low, 0.0), np.maximum(high, 0.0)
+            self._offset, depth = self._separate(stack, q, wish, free, *box)
+            if depth <= self._settings.margin_m:
+                self.slowed += 1
+                return depth
+        q[:] = sent
+        robot.update(q)
+        self._offset, state.status = before, _HELD
+        self.held += 1
+        return 0.0
 
     def _set(self, q: Array, given: Array, offset: Array) -> None:
         q[7:] = np.clip(given + offset, self._robot.lower, self._robot.upper) if offset.any() else given
