@@ -34,8 +34,8 @@ class FclCollisionConfig(Config):
     )
     hold: bool = Field(
         True,
-        description="Whether a pose whose links would still overlap is approached at half or a quarter of the step, and "
-        "the last command repeated if that does not help; it is sent otherwise [-].",
+        description="Whether a pose whose links would still overlap is approached at half or a quarter of the step, "
+        "and the last command repeated if that does not help; it is sent otherwise [-].",
     )
     interim: bool = Field(
         False,

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from imitor.collision.distances import Distances
-from imitor.collision.feet import Feet
+from imitor.collision.feet import Feet, Kept
 from imitor.collision.shapes import Shapes
 from imitor.collision.smallest import smallest_motion
 from imitor.safety.guard import Guard
-from imitor.tasks import TaskKind, TaskStack
+from imitor.tasks import TaskStack
 from imitor.types import STATUS, Array, BoolArray, Configuration, IntArray
 
 if TYPE_CHECKING:
@@ -102,6 +102,7 @@ class Correction:
                 mask[first : first + width] = 1.0
                 at = robot.model.parents[at]
         self._difference = masks[shapes.pairs[:, 0], 6:] - masks[shapes.pairs[:, 1], 6:]
+        self._in_world = (shapes.joint[shapes.pairs[:, 1]] == 0).astype(float)[:, None]
         self._coupling = robot.coupling if robot.coupling is not None else np.eye(robot.n)
         self.reset()
 
@@ -110,14 +111,21 @@ class Correction:
         self.changed = self.left = self.slowed = self.held = 0
         self.largest_rad = 0.0
         self._offset: Array | None = None
+        self._bent = False
         self.distances.reset()
         if self._guard is not None:
             self._guard.reset()
 
-    def jacobian(self, pairs: IntArray, normals: Array, points: Array) -> Array:
-        """Return how distances change with the joints at the robot's last update, shape (K, n) [m/rad]."""
+    def jacobian(self, pairs: IntArray, normals: Array, points: Array, base: Array | float = 0.0) -> Array:
+        """Return how distances change with the joints at the robot's last update, shape (K, n) [m/rad].
+
+        Args:
+            pairs, normals, points: As `Distances.below` returns them.
+            base: 1 for each joint that moves the base, (n,): counts for pairs with an object in the world.
+        """
         wrench = np.hstack([normals, np.cross(points, normals)])
-        rows: Array = (wrench @ self._robot.jacobian[:, 6:]) * self._difference[pairs]
+        moves = self._difference[pairs] - self._in_world[pairs] * base
+        rows: Array = (wrench @ self._robot.jacobian[:, 6:]) * moves
         return rows
 
     def apply(self, stack: TaskStack, state: Configuration) -> None:
@@ -126,7 +134,9 @@ class Correction:
         if sent is not None and np.array_equal(q, sent):
             return  # the last command again: it was corrected then
         first = self._offset is None
-        free = self._feet.free(stack)
+        fixed = ~self._feet.free(stack)
+        bent = self._bent and self._feet.can_bend(stack)
+        free = np.ones_like(fixed) if bent else ~fixed
         # a foot that stands again stands where it was told to
         before = np.where(free, np.zeros(robot.n) if self._offset is None else self._offset, 0.0)
         wish = self._fade * before
@@ -142,12 +152,16 @@ class Correction:
         asked, given = q.copy(), q[7:].copy()
         low, high = np.minimum(low - given, 0.0), np.maximum(high - given, 0.0)
         box = np.clip(before - step, low, high), np.clip(before + step, low, high)
-        self._offset, depth = self._separate(stack, q, wish, free, *box)
+        self._offset, depth = self._separate(stack, q, wish, free, *box, bent=bent)
+        if depth > 0.001 and not bent and self._feet.can_bend(stack):
+            bent, depth = self._bend(stack, q, asked, wish, box, depth)
         if depth > 0.001 and sent is not None and self._guard is not None:
-            depth = self._stay(q, given, np.where(free, sent[7:] - given, 0.0), depth)
+            if not bent:
+                depth = self._stay(q, given, np.where(free, sent[7:] - given, 0.0), depth)
             if depth > self._settings.margin_m and self._settings.hold:
                 asked[7:] += wish
-                depth = self._wait(stack, state, asked, sent, wish, free)
+                depth = self._wait(stack, state, asked, sent, wish, bent)
+        self._bent = bent and bool((np.abs(self._offset[fixed]) > _CLOSE_RAD).any())
         if self._offset.any():
             self.changed += 1
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
@@ -172,28 +186,23 @@ class Correction:
         return low, high
 
     def _separate(
-        self, stack: TaskStack, q: Array, wish: Array, free: BoolArray, low: Array, high: Array
+        self, stack: TaskStack, q: Array, wish: Array, free: BoolArray, low: Array, high: Array, *, bent: bool
     ) -> tuple[Array, float]:
         """Move ``q``; return the change of the joints (n,) and by how much a pair is nearer than its margin [m]."""
-        robot, S, given = self._robot, self._coupling, q[7:].copy()
+        S, given = self._coupling, q[7:].copy()
         lead = S.argmax(axis=0)
         movable = np.array([free[S[:, k] != 0.0].all() for k in range(S.shape[1])])
         S, lead = S[:, movable], lead[movable]
         wish, low, high = wish[lead], low[lead], high[lead]
         u = np.clip(wish, low, high)
-        watched = self._com_axes(stack)
-        slides = self._feet.sliding(stack)
-        kept = bool(watched.size) or slides is not None
-        if kept:
-            self._set(q, given, 0.0 * given)
-        goal = robot.com[watched].copy()
-        ground = self._feet.height_and_tilt(slides) if slides is not None else None
+        self._set(q, given, 0.0 * given)
+        kept = self._feet.kept(stack, bent=bent)
         sight: dict[int, tuple[Array, float]] = {}
         moved, depth, origin, best = np.inf, 0.0, u, (np.inf, u)
         for k in range(self._settings.iterations + 1):
             known = depth
             for _ in range(_HALVINGS + 1):
-                self._set(q, given, S @ u)
+                self._set(q, given, S @ u, kept)
                 pairs, d, normals, points = self.distances.below(self._margin + (_AGAIN_M if k else _WATCH_M))
                 lack = self._margin[pairs] - d
                 depth = float(lack.max(initial=0.0))
@@ -205,15 +214,11 @@ class Correction:
                 break
             if depth <= 0.0 and not k and not kept:
                 break
-            A = self.jacobian(pairs, normals, points) @ S
+            A = self.jacobian(pairs, normals, points, kept.base) @ S
             sight.update(zip(pairs.tolist(), zip(A, lack + A @ u, strict=True), strict=True))
             rows = np.array([a for a, _ in sight.values()]).reshape(-1, len(u))
             b = np.array([x for _, x in sight.values()])
-            C = robot.com_jacobian[watched, 6:]
-            c = goal - robot.com[watched]
-            if ground is not None and slides is not None:
-                C = np.vstack([C, self._feet.rows(slides)])
-                c = np.append(c, ground - self._feet.height_and_tilt(slides))
+            C, c = kept.rows()
             C = C @ S
             reach_low, reach_high = np.maximum(low, u - _STEP_RAD), np.minimum(high, u + _STEP_RAD)
             new = smallest_motion(wish, rows, b, reach_low, reach_high, C, c + C @ u)
@@ -221,9 +226,24 @@ class Correction:
             origin, u = u, new
         if depth > max(best[0], _EXACT_M):
             depth, u = best
-            self._set(q, given, S @ u)
+            self._set(q, given, S @ u, kept)
         offset: Array = S @ u
         return offset, depth
+
+    def _bend(
+        self, stack: TaskStack, q: Array, asked: Array, wish: Array, box: tuple[Array, Array], depth: float
+    ) -> tuple[bool, float]:
+        """Try with the standing legs free, their feet held by rows; return whether that is better, and its depth."""
+        found, offset = q.copy(), self._offset
+        q[:] = asked
+        other, lack = self._separate(stack, q, wish, np.ones(self._robot.n, dtype=bool), *box, bent=True)
+        if lack < depth - _EXACT_M:
+            self._offset = other
+            return True, lack
+        q[:] = found
+        self._robot.update(q)
+        self._offset = offset
+        return False, depth
 
     def _stay(self, q: Array, given: Array, offset: Array, depth: float) -> float:
         """Leave free joints where the last command had them if links are farther apart there; return the depth [m]."""
@@ -239,7 +259,7 @@ class Correction:
         return depth
 
     def _wait(
-        self, stack: TaskStack, state: Configuration, asked: Array, sent: Array, wish: Array, free: BoolArray
+        self, stack: TaskStack, state: Configuration, asked: Array, sent: Array, wish: Array, bent: bool
     ) -> float:
         """Go a share of the way from the last command to what is asked for, or stay there; return the depth [m].
 
@@ -249,10 +269,11 @@ class Correction:
             asked: The pose that cannot be reached without a collision, (nq,).
             sent: The last command, (nq,).
             wish: Part of ``asked`` that is a correction, (n,) [rad].
-            free: Joints that may be corrected, (n,).
+            bent: Whether the standing legs may move.
         """
         robot, q = self._robot, state.q
         before = self._offset
+        free = np.ones(robot.n, dtype=bool) if bent else self._feet.free(stack)
         for share in _SHARES:
             q[:] = robot.interpolate(sent, asked, share)
             robot.update(q)
@@ -264,7 +285,7 @@ class Correction:
             low = np.maximum(robot.lower, sent[7:] - step) - given
             high = np.minimum(robot.upper, sent[7:] + step) - given
             box = np.minimum(low, 0.0), np.maximum(high, 0.0)
-            self._offset, depth = self._separate(stack, q, wish, free, *box)
+            self._offset, depth = self._separate(stack, q, wish, free, *box, bent=bent)
             if depth <= self._settings.margin_m:
                 self.slowed += 1
                 return depth
@@ -274,11 +295,8 @@ class Correction:
         self.held += 1
         return 0.0
 
-    def _set(self, q: Array, given: Array, offset: Array) -> None:
+    def _set(self, q: Array, given: Array, offset: Array, kept: Kept | None = None) -> None:
         q[7:] = np.clip(given + offset, self._robot.lower, self._robot.upper) if offset.any() else given
         self._robot.update(q)
-
-    @staticmethod
-    def _com_axes(stack: TaskStack) -> IntArray:
-        task = next((t for t in stack if t.kind is TaskKind.COM and t.active[0]), None)
-        return np.flatnonzero(task.mask) if task is not None else np.zeros(0, dtype=int)
+        if kept is not None:
+            kept.place(q)
