@@ -150,7 +150,7 @@ class Correction:
         if not before.any() and not len(self.distances.below(self._margin)[0]):
             return
         asked, given = q.copy(), q[7:].copy()
-        low, high = np.minimum(low - given, 0.0), np.maximum(high - given, 0.0)
+        low, high = low - given, high - given
         box = np.clip(before - step, low, high), np.clip(before + step, low, high)
         self._offset, depth = self._separate(stack, q, wish, free, *box, bent=bent)
         if depth > 0.001 and not bent and self._feet.can_bend(stack):
@@ -284,8 +284,7 @@ class Correction:
             given = q[7:]
             low = np.maximum(robot.lower, sent[7:] - step) - given
             high = np.minimum(robot.upper, sent[7:] + step) - given
-            box = np.minimum(low, 0.0), np.maximum(high, 0.0)
-            self._offset, depth = self._separate(stack, q, wish, free, *box, bent=bent)
+            self._offset, depth = self._separate(stack, q, wish, free, low, high, bent=bent)
             if depth <= self._settings.margin_m:
                 self.slowed += 1
                 return depth
