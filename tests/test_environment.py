@@ -243,7 +243,7 @@ def test_a_pipeline_keeps_the_hand_off_its_table(tmp_path: Path, robot: RobotMod
     text = TEXT.replace("scenario: wave", "scenario: squat") % entry
     pipeline = Pipeline(load_text(text + "  - postprocessor: fcl_collision\n", REGISTRY), REGISTRY)
     (stage,) = [c for _, c in pipeline.stages if c.name == "fcl_collision"]
-    shapes = stage.correction.distances.shapes  # type: ignore[attr-defined]
+    shapes = stage.correction.separation.distances.shapes  # type: ignore[attr-defined]
     names = {shapes.links[a] for a, b in shapes.pairs if shapes.links[b] == "table"}
     assert "left_wrist_yaw_link" in names
     assert not any("ankle_roll" in name for name in names)  # the feet may stand on things

@@ -67,15 +67,15 @@ def test_distances_are_those_of_a_second_engine_within_the_tolerance_and_their_j
 
     correction, rng = made.correction, np.random.default_rng(0)
     geometry = robot_collision_model(robot).geometry
-    shapes = correction.distances.shapes
+    shapes = correction.separation.distances.shapes
     compared = sloped = checked = 0
     for _ in range(5):
         q = robot.standing.copy()
         q[7:] = np.clip(q[7:] + rng.normal(0.0, 0.4, robot.n), robot.lower, robot.upper)
         robot.update(q)
-        correction.distances.reset()
-        pairs, d, normals, points = correction.distances.below(0.08)
-        J = correction.jacobian(pairs, normals, points)
+        correction.separation.distances.reset()
+        pairs, d, normals, points = correction.separation.distances.below(0.08)
+        J = correction.separation.jacobian(pairs, normals, points)
         for k, pair in enumerate(pairs.tolist()):
             a, b = shapes.pairs[pair].tolist()
             placed = []
@@ -98,7 +98,7 @@ def test_distances_are_those_of_a_second_engine_within_the_tolerance_and_their_j
             moved = q.copy()
             moved[7:] += sign * 1e-4 * v
             robot.update(moved)
-            found, value, _, _ = correction.distances.below(0.1)
+            found, value, _, _ = correction.separation.distances.below(0.1)
             ahead[sign] = dict(zip(found.tolist(), value.tolist(), strict=True))
         for k, pair in enumerate(pairs.tolist()):
             if d[k] > 0.01:
@@ -153,7 +153,10 @@ def test_two_links_against_the_formula() -> None:
 def test_mujoco_finds_the_same_distances(robot: RobotModel, made: Any) -> None:
     import mujoco
 
-    distances, objects = made.correction.distances, robot_collision_model(robot).geometry.geometryObjects
+    distances, objects = (
+        made.correction.separation.distances,
+        robot_collision_model(robot).geometry.geometryObjects,
+    )
     robot.update(arms_into_body(robot, 0.7))
     distances.reset()
     pairs, d, _, _ = distances.below(0.03)
