@@ -9,7 +9,8 @@ base's frame, where a walking robot's trunk stands still; what is returned does 
 Shapes apart are measured by GJK. Overlapping ones are measured along a direction :math:`n`: the gap
 :math:`\min_a n^T a - \max_b n^T b` over the points of the two is, for every n, no more than the signed distance. Tried
 are the direction in which they were apart last, so that a link goes back on the side where it came from, and that of
-python-fcl's portal refinement; the better one is then turned towards larger gaps.
+python-fcl's portal refinement; the better one is then turned towards larger gaps. What GJK says is checked by the gap
+along its own direction, which is the distance if it is right.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from imitor.robot.model import RobotModel
 
 
+_DOUBT_M: Final = 0.003
+"""A distance is not believed if the gap along its direction is smaller by more than this [m]."""
 _TURNS: Final = (0.5, 0.25, 0.12, 0.06, 0.03)
 """By how much a direction is turned towards larger gaps, one after the other [rad]."""
 
@@ -119,10 +122,21 @@ class Distances:
             normal = near - far
             length = math.sqrt(float(normal @ normal))
             if length > 1e-9:
-                normal = normal / length
+                normal, point = normal / length, 0.5 * (near + far)
+                if d - self._gap(pair, a, b, normal) > _DOUBT_M:  # it happens with parallel faces
+                    return self._along(pair, a, b, [normal], point)
                 self._apart[pair] = b.getRotation().T @ normal
-                return d, normal, 0.5 * (near + far)
+                return d, normal, point
         return self._depth(pair, a, b)
+
+    def _gap(self, pair: int, a: Any, b: Any, n: Array) -> float:
+        """Return the gap between two shapes along a direction [m]: no more than their distance."""
+        i, j = self.shapes.pairs[pair]
+        first = self.shapes.corners[i] @ (a.getRotation().T @ n)
+        second = self.shapes.corners[j] @ (b.getRotation().T @ n)
+        between = (a.getTranslation() - b.getTranslation()) @ n
+        thick = self.shapes.thickness[i] + self.shapes.thickness[j]
+        return float(between + first.min() - second.max() - thick)
 
     def _depth(self, pair: int, a: Any, b: Any) -> tuple[float, Array, Array]:
         """Measure a pair that overlaps; ``a`` and ``b`` are its objects."""
@@ -132,6 +146,12 @@ class Distances:
         if self._fcl.collide(a, b, self._overlap, found):
             contact = found.contacts[0]
             point, tried = np.asarray(contact.pos), [-np.asarray(contact.normal)]
+        return self._along(pair, a, b, tried, point)
+
+    def _along(
+        self, pair: int, a: Any, b: Any, tried: list[Array], point: Array
+    ) -> tuple[float, Array, Array]:
+        """Measure a pair along the best of some directions and the last known one, turned towards larger gaps."""
         if pair in self._apart:
             tried.append(b.getRotation() @ self._apart[pair])
         first, second = self._points(pair, 0, a), self._points(pair, 1, b)
