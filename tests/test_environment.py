@@ -277,3 +277,15 @@ def test_objects_are_named_alike_everywhere(robot: RobotModel, tmp_path: Path) -
     drives = make_drives(robot, kp_per_effort=30.0, kv_per_kp=0.05)
     names = Body(robot, drives, Surroundings(), environment=around).geom_names
     assert {"object/table", "object/bar"} <= set(names)
+    run = testing.make_run(tmp_path)
+    info = dataclasses.replace(run.info, environment=around)
+    sink: Any = REGISTRY.get("sink", "rerun")
+    made = sink(sink.config_type())
+    made.start()
+    made.open(info)
+    for record in run.records():
+        made.write(record)
+    (path,) = made.finish().files
+    content = path.read_bytes()
+    assert b"/world/environment/table" in content
+    assert b"/world/environment/bar" in content
