@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from imitor import Configuration, TaskKind, TaskStack, testing
+from imitor.collision import solids
 from imitor.collision.distances import Distances
-from imitor.collision.shapes import Shapes
+from imitor.collision.shapes import TOLERANCE_M, Shapes, assemble
 from imitor.collision.smallest import smallest_motion
 from imitor.metrics.collision import robot_collision_model
 from imitor.registry import Registry
@@ -59,22 +60,22 @@ def test_nearest_to_the_wish_within_half_planes_and_box() -> None:
     np.testing.assert_allclose(kept, [0.0, 2.0], atol=1e-4)
 
 
-def test_distances_agree_with_a_second_engine_and_their_jacobian_with_differences(
+def test_distances_are_those_of_a_second_engine_within_the_tolerance_and_their_jacobian_with_differences(
     robot: RobotModel, made: Any
 ) -> None:
     import coal
 
     correction, rng = made.correction, np.random.default_rng(0)
     geometry = robot_collision_model(robot).geometry
-    shapes = correction.distances.shapes
+    shapes = correction.separation.distances.shapes
     compared = sloped = checked = 0
     for _ in range(5):
         q = robot.standing.copy()
         q[7:] = np.clip(q[7:] + rng.normal(0.0, 0.4, robot.n), robot.lower, robot.upper)
         robot.update(q)
-        correction.distances.reset()
-        pairs, d, normals, points = correction.distances.below(0.08)
-        J = correction.jacobian(pairs, normals, points)
+        correction.separation.distances.reset()
+        pairs, d, normals, points = correction.separation.distances.below(0.08)
+        J = correction.separation.jacobian(pairs, normals, points)
         for k, pair in enumerate(pairs.tolist()):
             a, b = shapes.pairs[pair].tolist()
             placed = []
@@ -87,7 +88,9 @@ def test_distances_agree_with_a_second_engine_and_their_jacobian_with_difference
                 objects[a].geometry, placed[0], objects[b].geometry, placed[1],
                 coal.DistanceRequest(), coal.DistanceResult(),
             )  # fmt: skip
-            assert d[k] == pytest.approx(other, abs=5e-4 if d[k] > 0 else 2e-3)
+            # simple shapes contain the full hulls, and depths are never taken for less than they are
+            assert d[k] < other + 5e-4
+            assert d[k] > other - 2.0 * TOLERANCE_M - 5e-4 or d[k] < 0.0
             compared += 1
         v = rng.normal(size=robot.n)
         ahead = {}
@@ -95,7 +98,7 @@ def test_distances_agree_with_a_second_engine_and_their_jacobian_with_difference
             moved = q.copy()
             moved[7:] += sign * 1e-4 * v
             robot.update(moved)
-            found, value, _, _ = correction.distances.below(0.1)
+            found, value, _, _ = correction.separation.distances.below(0.1)
             ahead[sign] = dict(zip(found.tolist(), value.tolist(), strict=True))
         for k, pair in enumerate(pairs.tolist()):
             if d[k] > 0.01:
@@ -109,25 +112,21 @@ def test_distances_agree_with_a_second_engine_and_their_jacobian_with_difference
 
 def toy() -> tuple[Any, Shapes]:
     """Two spheres of 0.1 m on a free base, the second on a slide along x and then on a hinge about z."""
-    import fcl
     import pinocchio as pin
 
     model = pin.Model()
     base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
     slide = model.addJoint(base, pin.JointModelPX(), pin.SE3.Identity(), "slide")
     hinge = model.addJoint(slide, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
-    sphere = fcl.Sphere(0.1)
-    objects = [fcl.CollisionObject(sphere, fcl.Transform()) for _ in range(2)]
-    places = np.array([[0.0, 0.0, 0.0], [0.3, 0.0, 0.0]])
-    shapes = Shapes(
-        ["a", "b"], objects, np.array([base, hinge]), np.tile(np.eye(3), (2, 1, 1)), places, places,
-        np.full(2, 0.1), np.array([[0, 1]]), "",
-    )  # fmt: skip
+    place = np.eye(4)
+    place[0, 3] = 0.3
+    parts = [solids.sphere("a", base, np.eye(4), 0.1), solids.sphere("b", hinge, place, 0.1)]
+    shapes = assemble(parts, np.array([[0, 1]]), np.array([0.0]))
     return SimpleNamespace(model=model, data=model.createData()), shapes
 
 
 def test_two_links_against_the_formula() -> None:
-    # python-fcl iterates for a signed distance: found good to 0.06 mm, and normals to 0.03 where links almost touch.
+    # python-fcl iterates: found good to 0.06 mm, and normals to 0.03 where links almost touch.
     import pinocchio as pin
 
     robot, shapes = toy()
@@ -154,7 +153,10 @@ def test_two_links_against_the_formula() -> None:
 def test_mujoco_finds_the_same_distances(robot: RobotModel, made: Any) -> None:
     import mujoco
 
-    distances, objects = made.correction.distances, robot_collision_model(robot).geometry.geometryObjects
+    distances, objects = (
+        made.correction.separation.distances,
+        robot_collision_model(robot).geometry.geometryObjects,
+    )
     robot.update(arms_into_body(robot, 0.7))
     distances.reset()
     pairs, d, _, _ = distances.below(0.03)
@@ -176,7 +178,7 @@ def test_mujoco_finds_the_same_distances(robot: RobotModel, made: Any) -> None:
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)
         theirs = mujoco.mj_geomDistance(model, data, 0, 1, 1.0, np.zeros(6))
-        assert ours == pytest.approx(theirs, abs=1e-3)
+        assert theirs - 2.0 * TOLERANCE_M - 1e-3 < ours < theirs + 1e-3
         hulls += 1
     assert hulls > 3
 

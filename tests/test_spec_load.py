@@ -265,11 +265,6 @@ def test_all_problems_come_together(registry: Registry) -> None:
 
 NAMES = st.from_regex(r"[A-Za-z_][A-Za-z0-9_-]{0,8}", fullmatch=True)
 TEXT = st.text(max_size=12)
-PLAIN = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | TEXT,
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(TEXT, inner, max_size=3),
-    max_leaves=6,
-)
 
 
 @st.composite
@@ -296,7 +291,20 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
         "rate_hz": draw(st.none() | st.floats(1e-3, 1000)),
         "settle_s": draw(st.floats(0, 600)),
         "seed": draw(st.integers(0, 2**70)),
-        "environment": draw(st.lists(st.dictionaries(TEXT, PLAIN, max_size=3), max_size=2)),
+        "environment": draw(
+            st.lists(
+                st.fixed_dictionaries(
+                    {
+                        "name": TEXT.filter(bool),
+                        "shape": st.just("box"),
+                        "size_m": st.lists(st.floats(1e-3, 100), min_size=3, max_size=3),
+                    },
+                    optional={"position_m": st.lists(st.floats(-10, 10), min_size=3, max_size=3)},
+                ),
+                max_size=2,
+                unique_by=lambda item: str(item["name"]),
+            )
+        ),
         "source": {"use": "actor", "scenario": draw(st.sampled_from(["stand", "walk"])), "note": draw(TEXT)},
         "stages": [
             {"mapper": "imitate", "id": ids[0]},

@@ -55,7 +55,7 @@ class Context:
         robot: The robot model, shared by all stages; always at the configuration so far.
         skeleton: Constant facts about the human.
         dt_s: Time between frames [s].
-        environment: Objects around the robot, as written in the YAML.
+        environment: Objects around the robot, as written in the YAML; `imitor.environment` reads them.
     """
 
     robot: RobotModel

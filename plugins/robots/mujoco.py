@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from imitor import Config, RunInfo, SinkReport, hookimpl
+from imitor.errors import SinkError
 from imitor.recorded_sink import RecordedSink, writing
 
 if TYPE_CHECKING:
@@ -85,7 +86,8 @@ class Mujoco(RecordedSink[MujocoConfig]):
         """Build the simulated robot before the first frame.
 
         Raises:
-            RobotError: The robot cannot be simulated so. SinkError: No window or picture is possible here.
+            RobotError: The robot cannot be simulated so.
+            SinkError: No window or picture is possible here, or an object's mesh cannot be read.
         """
         super().open(run)
         if run.view:
@@ -109,7 +111,12 @@ class Mujoco(RecordedSink[MujocoConfig]):
         around = Surroundings(
             step_s=c.step_s, friction=c.friction, armature_per_effort=c.armature_per_effort, touch=c.touch
         )
-        return Body(self.run.robot, drives, around, visible=self.run.view)
+        try:
+            return Body(
+                self.run.robot, drives, around, visible=self.run.view, environment=self.run.environment
+            )
+        except ValueError as error:
+            raise SinkError(f"sink 'mujoco': {error}") from None
 
     def save(self) -> SinkReport:
         """Simulate, measure, and write what is asked for."""
@@ -117,8 +124,6 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
         trace = self._play()
         verdict = figures(trace, self._body)
-        if self.run.environment:
-            verdict["notes"].append("the objects of `environment` are not simulated")
         if trace.fall is None:
             log.info("mujoco: the robot stayed up for %.2f s", verdict["survived_s"])
         else:
@@ -157,7 +162,9 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
         robot, folder = self.run.robot, self.run.out_dir
         motion = executed_motion(trace, robot, standing_feet(trace, self._body.weight_n))
-        film = Film(robot, motion, self.recorder.reference(), self.config.size_px, self.config.fps)
+        film = Film(
+            robot, motion, self.recorder.reference(), self.config.size_px, self.config.fps, self.run.environment
+        )  # fmt: skip
         gif, sheet = folder / "simulation.gif", folder / "simulation.png"
         try:
             with writing(gif) as temporary:

@@ -92,7 +92,10 @@ class Rerun(RecordedSink[RerunConfig]):
         motion, reference = self.recorder.motion(), self.recorder.reference()
         rows = rows_at(motion.time_s, self.config.max_hz)
         beside = self.config.layout == "beside"
-        return RerunScene(self.run.robot, motion, reference, self.run.stack, rows, beside=beside)
+        return RerunScene(
+            self.run.robot, motion, reference, self.run.stack, rows, beside=beside,
+            environment=self.run.environment,
+        )  # fmt: skip
 
 
 @hookimpl

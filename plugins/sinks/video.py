@@ -106,6 +106,7 @@ class Video(RecordedSink[VideoConfig]):
         studio = Studio(
             self.run.robot, motion, self.recorder.reference(), rows,
             size=c.size_px, beside=c.layout == "beside", balance=c.balance, shadows=c.shadows,
+            environment=self.run.environment,
         )  # fmt: skip
         try:
             report = SinkReport()

@@ -52,6 +52,18 @@ class Guard:
         self._last_step: Array = np.zeros(self._robot.n)
         self.report = GuardReport()
 
+    def follow(self, sent: Array) -> tuple[Array, Array]:
+        """Take the last command from elsewhere, shape (nq,), and return the range of the next one's joints, (n,) each.
+
+        A stage that must know what will leave the guard has one of its own, and tells it what was sent.
+        """
+        if self._last is not None:
+            self._last_step = sent[BASE_NQ:] - self._last[BASE_NQ:]
+        self._last = sent.copy()
+        joints = self._last[BASE_NQ:]
+        low, high = self._bounds(joints)
+        return joints + low, joints + high
+
     def apply(self, stack: TaskStack, state: Configuration) -> None:
         """Make ``state.q`` a safe command in place, and leave the robot updated at it."""
         robot, q, last = self._robot, state.q, self._last

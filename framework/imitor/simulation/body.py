@@ -1,4 +1,4 @@
-"""The robot as MuJoCo sees it, built from the kinematic model: masses, joints, servos, soles, a floor.
+"""The robot as MuJoCo sees it, built from the kinematic model: masses, joints, servos, soles, a floor, objects.
 
 It is built from the model that imitor moves, not from its file: URDF and MJCF, locked and coupled joints come out
 alike, a body a joint, and a configuration means the same on both sides.
@@ -6,19 +6,21 @@ alike, a body a joint, and a configuration means the same on both sides.
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
 
+from imitor.environment import OBJECT_COLOUR, read_environment, triangles
 from imitor.errors import RobotError
 from imitor.robot.model import BASE_NQ, RobotModel
 from imitor.simulation.drives import GRAVITY, Drives, coupled_groups
 from imitor.types import SIDES, Array, IntArray
 from imitor.visual.offscreen import import_mujoco
 
-FLOOR, LEFT, RIGHT, OTHER = -1, 0, 1, 2
-"""What a geom is: the floor, a sole, or a part of the robot that should not touch the floor."""
+OBJECT, FLOOR, LEFT, RIGHT, OTHER = -2, -1, 0, 1, 2
+"""What a geom is: an object, the floor, a sole, or a part of the robot that should not touch the floor."""
 
 _BASE: Final = 1
 _CORNER_RADIUS_M: Final = 0.005
@@ -57,18 +59,26 @@ class Body:
         drives: Its servos.
         around: Floor and time step.
         visible: Whether the robot's visible surface is put on, for a window.
+        environment: Objects around the robot, as a pipeline gives them; of a mesh its convex hull is felt.
 
     Attributes:
         model: MuJoCo's model.
-        kind: What each geom is: `FLOOR`, `LEFT`, `RIGHT` or `OTHER`, shape (ngeom,).
+        kind: What each geom is: `OBJECT`, `FLOOR`, `LEFT`, `RIGHT` or `OTHER`, shape (ngeom,).
         geom_names: Names of the geoms; of a part the role or the joint it sits at.
 
     Raises:
         RobotError: MuJoCo refuses the robot.
+        ValueError: An object's mesh cannot be read.
     """
 
     def __init__(
-        self, robot: RobotModel, drives: Drives, around: Surroundings, *, visible: bool = False
+        self,
+        robot: RobotModel,
+        drives: Drives,
+        around: Surroundings,
+        *,
+        visible: bool = False,
+        environment: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         self._mujoco = mujoco = import_mujoco()
         self.robot, self.drives, self.around = robot, drives, around
@@ -76,6 +86,7 @@ class Body:
         _set_options(mujoco, spec, around)
         bodies = self._add_bodies(spec)
         _add_floor(mujoco, spec, around.friction)
+        _add_objects(mujoco, spec, environment, around.friction)
         self._add_soles(bodies)
         if around.touch == "hulls":
             self._add_surface(spec, bodies, "hull", felt=True)
@@ -267,6 +278,20 @@ def _add_floor(mujoco: Any, spec: Any, friction: float) -> None:
     )  # fmt: skip
 
 
+def _add_objects(mujoco: Any, spec: Any, environment: Sequence[Mapping[str, Any]], friction: float) -> None:
+    """Put the objects into the world, where the robot's geoms touch them and the floor does not."""
+    for k, item in enumerate(read_environment(environment)):
+        vertices, faces = triangles(item)
+        mesh = spec.add_mesh(name=f"object{k}", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+        mesh.uservert = vertices.ravel().tolist()
+        mesh.userface = faces.ravel().tolist()
+        spec.worldbody.add_geom(
+            name=f"object/{item.name}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"object{k}",
+            contype=_FLOOR_BIT, conaffinity=_ROBOT_BIT, condim=3, friction=(friction, 0.005, 0.0001),
+            rgba=OBJECT_COLOUR,
+        )  # fmt: skip
+
+
 def _add_light(mujoco: Any, spec: Any) -> None:
     spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL, pos=(0.0, 0.0, 4.0), dir=(0.3, 0.3, -1.0)
@@ -276,7 +301,9 @@ def _add_light(mujoco: Any, spec: Any) -> None:
 def _kind(name: str) -> int:
     if name.startswith("sole/"):
         return LEFT if "/left/" in name else RIGHT
+    if name.startswith("object/"):
+        return OBJECT
     return FLOOR if name == "floor" else OTHER
 
 
-__all__ = ["FLOOR", "LEFT", "OTHER", "RIGHT", "Body", "Surroundings", "Touch"]
+__all__ = ["FLOOR", "LEFT", "OBJECT", "OTHER", "RIGHT", "Body", "Surroundings", "Touch"]

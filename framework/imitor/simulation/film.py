@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -74,20 +74,27 @@ class Film:
         reference: The human, frame by frame as the motion.
         size: Width and height of the pictures [px].
         fps: Pictures per second, at most those of the motion [Hz].
+        environment: Objects around the robot.
 
     Raises:
         SinkError: No picture can be rendered here.
     """
 
     def __init__(
-        self, robot: RobotModel, motion: Motion, reference: Reference, size: tuple[int, int], fps: float
+        self,
+        robot: RobotModel,
+        motion: Motion,
+        reference: Reference,
+        size: tuple[int, int],
+        fps: float,
+        environment: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         from imitor.visual.clip import rows_at
         from imitor.visual.studio import Studio
 
         rows = rows_at(motion.time_s, fps)[:_MOST_PICTURES]
         self._size = size
-        self._studio: Studio = Studio(robot, motion, reference, rows, size=size)
+        self._studio: Studio = Studio(robot, motion, reference, rows, size=size, environment=environment)
 
     def save_gif(self, path: Path) -> None:
         """Write all pictures, with the colours of three of them for all."""

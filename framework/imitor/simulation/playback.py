@@ -13,7 +13,7 @@ import numpy as np
 
 from imitor.record import Motion
 from imitor.robot.model import BASE_NQ
-from imitor.simulation.body import OTHER, Body
+from imitor.simulation.body import FLOOR, OTHER, Body
 from imitor.simulation.verdict import Fall, FallRule, tilt
 from imitor.types import Array, BoolArray
 from imitor.visual.offscreen import import_mujoco
@@ -185,9 +185,14 @@ class _Run:
             if data.ncon:
                 contact = data.contact
                 normal = data.efc_force[contact.efc_address]
-                geom = contact.geom.max(axis=1)  # the floor is among the first geoms, the robot's come after
+                geom = contact.geom.max(
+                    axis=1
+                )  # floor and objects are the first geoms, the robot's come after
+                # a sole may stand on an object; what else touches one neither carries the robot nor is a fall
+                counts = (kind[contact.geom.min(axis=1)] == FLOOR) | (kind[geom] != OTHER)
+                geom, normal = geom[counts], normal[counts]
                 force += np.bincount(kind[geom], normal, 3)
-                moment += normal @ contact.pos[:, :2]
+                moment += normal @ contact.pos[counts, :2]
                 touching[geom] = True
             if self._observer is not None:
                 self._observer(model, data)

@@ -1,10 +1,12 @@
-"""Finding what a pipeline names: presets and robots, by name or by path."""
+"""Finding what a pipeline names: presets, robots and mesh files, by name or by path."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
+from imitor.environment import Box, Cylinder, Mesh
 from imitor.errors import Problem, SpecError, did_you_mean
 from imitor.registry import Registry
 from imitor.spec.document import Document
@@ -99,3 +101,35 @@ def check_robot(
     except SpecError as error:
         return robot, error.problems
     return robot, []
+
+
+def check_environment(
+    environment: Sequence[Box | Cylinder | Mesh], document: Document, folder: Path | None
+) -> tuple[list[dict[str, Any]], list[Problem]]:
+    """Look for mesh files and for names that are used twice.
+
+    Args:
+        environment: The objects, each valid on its own.
+        document: The pipeline, for their places.
+        folder: Folder of the pipeline file, where relative paths start; else the current one.
+
+    Returns:
+        The objects as plain data with complete paths, and what is wrong with them.
+    """
+    found, problems, names = [], [], set()
+    for i, item in enumerate(environment):
+        data = item.model_dump(mode="json", exclude_none=True)
+        if item.name in names:
+            message = f"another object is called '{item.name}'"
+            problems.append(document.problem(("environment", i, "name"), message, "give each its own name"))
+        names.add(item.name)
+        if isinstance(item, Mesh):
+            path = ((folder or Path()) / item.path.expanduser()).resolve()
+            if not path.is_file():
+                place = ("environment", i, "path")
+                problems.append(
+                    document.problem(place, f"there is no mesh file '{item.path}'", f"looked for {path}")
+                )
+            data["path"] = str(path)
+        found.append(data)
+    return found, problems

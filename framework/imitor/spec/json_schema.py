@@ -32,7 +32,9 @@ def pipeline_schema(registry: Registry) -> dict[str, Any]:
         definitions[name] = _plugin(entry, definitions)
         group = "stages" if entry.kind in STAGE_KINDS else entry.kind
         variants[group].append({"$ref": f"#/$defs/{name}"})
-    properties = PipelineDocument.model_json_schema()["properties"]
+    top = PipelineDocument.model_json_schema()
+    definitions |= top.pop("$defs", {})
+    properties = top["properties"]
     for text in properties.values():
         text.pop("title", None)
     properties["imitor"]["const"] = VERSION

@@ -12,7 +12,7 @@ from imitor.errors import Problem, SpecError, did_you_mean
 from imitor.kinds import STAGE_KINDS, Config
 from imitor.registry import Registry
 from imitor.spec import overrides
-from imitor.spec.cards import check_robot, find_pipeline, read_text
+from imitor.spec.cards import check_environment, check_robot, find_pipeline, read_text
 from imitor.spec.check_order import Entry, check_order
 from imitor.spec.document import Loc, dotted
 from imitor.spec.schema import VERSION, PipelineDocument, PipelineSpec, StageSpec
@@ -97,6 +97,12 @@ class _Loader:
         if isinstance(robot, str):
             robot, problems = check_robot(robot, self.document, self.registry, self.path and self.path.parent)
             self.problems += problems
+        environment: list[dict[str, Any]] = []
+        if top is not None:
+            environment, problems = check_environment(
+                top.environment, self.document, self.path and self.path.parent
+            )
+            self.problems += problems
         source = self.single("source", data["source"], "source") if "source" in data else None
         stages, sinks = self.group(data, "stages"), self.group(data, "sinks")
         if isinstance(data.get("stages"), list) and len(stages) == len(data["stages"]):
@@ -111,7 +117,7 @@ class _Loader:
             rate_hz=top.rate_hz,
             speed=top.speed,
             settle_s=top.settle_s,
-            environment=top.environment,
+            environment=environment,
             seed=top.seed,
             source=_finished(source),
             stages=[_finished(s) for s in stages],

@@ -9,6 +9,7 @@ from typing import Any, Final
 import yaml
 from pydantic import BaseModel, ConfigDict, Field
 
+from imitor.environment import Obstacle
 from imitor.kinds import Config
 from imitor.spec.scalars import STR, escape, plain_tag
 
@@ -36,9 +37,7 @@ class PipelineDocument(BaseModel):
         0.0, ge=0, le=600, description="How long the last human frame is held so that transitions finish [s]."
     )
     seed: int = Field(0, ge=0, description="Seed of everything random [-].")
-    environment: list[dict[str, Any]] = Field(
-        [], description="Objects around the robot: boxes, cylinders, meshes, drawers."
-    )
+    environment: list[Obstacle] = Field([], description="Objects around the robot: boxes, cylinders, meshes.")
     source: Any = Field(description="Where human motion comes from: {use: NAME, ...options}.")
     stages: list[Any] = Field(description="Stages in order: {KIND: NAME, ...options}.")
     sinks: list[Any] = Field([], description="Where results go: {use: NAME, ...options}.")
@@ -78,7 +77,7 @@ class PipelineSpec:
         rate_hz: Output rate [Hz]; ``None`` takes the source's.
         speed: Playback speed of the recording [-].
         settle_s: How long the last human frame is held [s].
-        environment: Objects around the robot.
+        environment: Objects around the robot, every default but an absent rotation written out.
         seed: Seed of everything random.
         source: The source.
         stages: Filters, mappers, stabilizers, solvers and post-processors in order.

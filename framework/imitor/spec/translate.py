@@ -6,7 +6,7 @@ import json
 import re
 import types
 from collections.abc import Iterable, Mapping
-from typing import Any, Final, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, Final, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
@@ -70,7 +70,9 @@ def translate(
     unions = [(loc, cut) for (loc, cut, _), _ in faults if cut is not None]
     for (loc, cut, at_key), fault in faults:
         # Of the branches of a union, only those count that got furthest into the data.
-        if cut is not None and any(c == cut and len(other) > len(loc) for other, c in unions):
+        if cut is not None and any(
+            c == cut and other[:cut] == loc[:cut] and len(other) > len(loc) for other, c in unions
+        ):
             continue
         where, side, message, suggestion = _say(dict(fault), loc, at_key, model, owner)
         found.setdefault(((*prefix, *where), side), []).append((message, suggestion))
@@ -189,6 +191,8 @@ def legal_keys(model: type[BaseModel], loc: Loc) -> dict[str, str]:
 def _models(annotation: Any) -> Iterable[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
+    elif get_origin(annotation) is Annotated:
+        yield from _models(get_args(annotation)[0])
     elif get_origin(annotation) in (Union, types.UnionType):
         for part in get_args(annotation):
             yield from _models(part)

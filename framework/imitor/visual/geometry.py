@@ -6,15 +6,16 @@ import hashlib
 import logging
 import time
 import zipfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from imitor.atomic import atomic
 from imitor.cache import cache_folder
+from imitor.environment import OBJECT_COLOUR, read_environment, triangles
 from imitor.robot.model import RobotModel
 from imitor.types import SIDES, Array
 from imitor.visual import shapes
@@ -25,8 +26,8 @@ from imitor.visual.urdf_visuals import Visual, read_visuals
 log = logging.getLogger("imitor")
 
 _CACHE_FORMAT: Final = "2"
-_BASE: Final = 1
-"""The floating base among Pinocchio's joints; 0 is the world."""
+_WORLD, _BASE = 0, 1
+"""The world and the floating base among Pinocchio's joints."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,16 @@ def robot_parts(robot: RobotModel) -> list[Part]:
                 robot.name, len(visuals), time.perf_counter() - begin, path.parent,
             )  # fmt: skip
     return parts
+
+
+def object_parts(environment: Sequence[Mapping[str, Any]]) -> list[Part]:
+    """Return the objects around a robot as parts of the world, in order.
+
+    Raises:
+        ValueError: A mesh cannot be read; the message says which.
+    """
+    found = (triangles(item) for item in read_environment(environment))
+    return [Part(_WORLD, Surface(v.astype(np.float32), f.astype(np.int32), OBJECT_COLOUR)) for v, f in found]
 
 
 def _placements(robot: RobotModel) -> dict[str, tuple[int, Array]]:

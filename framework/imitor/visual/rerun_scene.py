@@ -5,7 +5,7 @@ Whole columns are sent, never single frames: that is a hundred times faster.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -17,7 +17,7 @@ from imitor.tasks import TaskKind, TaskStack
 from imitor.types import Array
 from imitor.visual import camera
 from imitor.visual.clip import make_clip
-from imitor.visual.geometry import robot_parts
+from imitor.visual.geometry import Part, object_parts, robot_parts
 from imitor.visual.stick import HEAD_COLOUR, HEAD_RADIUS, SIDE_COLOUR, head_centre, stick_figure
 
 TIMELINE: Final = "time"
@@ -35,6 +35,7 @@ class RerunScene:
         stack: The tasks: which frame each is about and what it is relative to.
         rows: The frames that are shown in space.
         beside: Whether the human stands beside the robot.
+        environment: Objects around the robot.
     """
 
     def __init__(
@@ -46,12 +47,14 @@ class RerunScene:
         rows: np.ndarray,
         *,
         beside: bool,
+        environment: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         self._robot, self._motion, self._reference, self._rows = robot, motion, reference, rows
         self._points = [t for t in stack if t.kind in (TaskKind.POSITION, TaskKind.POSE, TaskKind.COM)]
         roles = sorted({t.relative_to for t in self._points if t.relative_to})
         self._clip = make_clip(robot, motion, reference, rows, roles)
-        self._parts = robot_parts(robot)
+        self._parts, self._objects = robot_parts(robot), object_parts(environment)
+        self._object_names = [str(item["name"]) for item in environment]
         layout = camera.arrange(
             self._clip,
             camera.robot_corners(self._clip, self._parts),
@@ -70,6 +73,7 @@ class RerunScene:
         stream.send_blueprint(self._blueprint())
         stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         self._send_robot()
+        self._send_objects()
         self._send_human()
         self._send_targets()
         self._send_balance()
@@ -83,18 +87,25 @@ class RerunScene:
         for joint in sorted({p.joint for p in self._parts}):
             path = rr.new_entity_path(["world", "robot", names[joint]])
             for k, part in enumerate(p for p in self._parts if p.joint == joint):
-                surface = part.surface
-                mesh = rr.Mesh3D(
-                    vertex_positions=surface.vertices,
-                    triangle_indices=surface.faces,
-                    vertex_normals=_normals(surface.vertices, surface.faces),
-                    albedo_factor=[round(255 * c) for c in surface.rgba or (0.7, 0.7, 0.7, 1.0)],
-                )
-                stream.log(f"{path}/part{k}", mesh, static=True)
+                stream.log(f"{path}/part{k}", self._mesh(part), static=True)
             columns = rr.Transform3D.columns(
                 translation=clip.joint_position[:, joint], quaternion=clip.joint_quaternion[:, joint]
             )
             stream.send_columns(path, self._time, columns)
+
+    def _send_objects(self) -> None:
+        for name, part in zip(self._object_names, self._objects, strict=True):
+            path = self._rr.new_entity_path(["world", "environment", name])
+            self._stream.log(path, self._mesh(part), static=True)
+
+    def _mesh(self, part: Part) -> Any:
+        surface = part.surface
+        return self._rr.Mesh3D(
+            vertex_positions=surface.vertices,
+            triangle_indices=surface.faces,
+            vertex_normals=_normals(surface.vertices, surface.faces),
+            albedo_factor=[round(255 * c) for c in surface.rgba or (0.7, 0.7, 0.7, 1.0)],
+        )
 
     def _send_human(self) -> None:
         rr, clip, human = self._rr, self._clip, self._human

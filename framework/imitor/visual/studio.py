@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from imitor.robot.model import RobotModel
 from imitor.types import Array
 from imitor.visual import camera
 from imitor.visual.clip import make_clip
-from imitor.visual.geometry import robot_parts
+from imitor.visual.geometry import object_parts, robot_parts
 from imitor.visual.mujoco_scene import Pencil, Scene
 from imitor.visual.offscreen import Offscreen
 from imitor.visual.stick import head_centre, stick_figure
@@ -38,6 +39,7 @@ class Studio:
         beside: Whether the human stands beside the robot; over it, half transparent, otherwise.
         balance: Whether CoM and support polygon are marked on the floor.
         shadows: Whether the figures cast shadows.
+        environment: Objects around the robot; the camera does not look for them.
 
     Attributes:
         time_s: Times of the pictures, shape (T,) [s].
@@ -58,6 +60,7 @@ class Studio:
         beside: bool = True,
         balance: bool = True,
         shadows: bool = True,
+        environment: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         self._clip = clip = make_clip(robot, motion, reference, rows)
         self.time_s: Array = clip.time_s
@@ -71,6 +74,7 @@ class Studio:
         self._human = clip.human + layout.shift
         human_points = human_points + layout.shift
         self.view = view = camera.frame_all(clip, robot_points, human_points, layout, size[0] / size[1])
+        parts = [*parts, *object_parts(environment)]
         self._scene = Scene(parts, size, camera.FIELD_OF_VIEW, view.azimuth, view.reach + _SHADOW_ROOM)
         self._offscreen = self._new_offscreen(size)
 

@@ -1,0 +1,133 @@
+"""Objects around the robot: boxes, cylinders and meshes that stand still in world.
+
+```yaml
+environment:
+  - {name: table, shape: box, size_m: [0.6, 1.2, 0.04], position_m: [0.5, 0.0, 0.74]}
+  - {name: pole, shape: cylinder, radius_m: 0.04, length_m: 2.0, position_m: [0.2, 0.5, 1.0]}
+  - {name: chair, shape: mesh, path: chair.stl, scale: 0.001, rpy_rad: [0.0, 0.0, 1.57]}
+```
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, model_validator
+
+from imitor.types import Array
+
+OBJECT_COLOUR: Final = (0.80, 0.66, 0.47, 1.0)
+"""Red, green, blue and opacity with which objects are drawn."""
+
+Length = Annotated[float, Field(gt=0, le=100)]
+Coordinate = Annotated[float, Field(ge=-1000, le=1000)]
+Point3 = tuple[Coordinate, Coordinate, Coordinate]
+Point4 = tuple[float, float, float, float]
+
+
+class _Object(BaseModel):
+    """What every object has."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    name: str = Field(min_length=1, description="Name of the object, unique.")
+    position_m: Point3 = Field((0.0, 0.0, 0.0), description="Where its origin is in world [m].")
+    rpy_rad: Point3 | None = Field(
+        None, description="Rotations about the world's x, then y, then z [rad]; default none."
+    )
+    quaternion_wxyz: Point4 | None = Field(
+        None, description="Its rotation, world from object, in place of rpy_rad [-]."
+    )
+
+    @model_validator(mode="after")
+    def _one_rotation(self) -> _Object:
+        if self.rpy_rad is not None and self.quaternion_wxyz is not None:
+            raise ValueError("its rotation is given twice; leave out rpy_rad or quaternion_wxyz")
+        if self.quaternion_wxyz is not None and not 0.99 < np.linalg.norm(self.quaternion_wxyz) < 1.01:
+            raise ValueError("the length of quaternion_wxyz should be 1; no rotation is [1, 0, 0, 0]")
+        return self
+
+    def placement(self) -> Array:
+        """Return its frame in world, (4, 4)."""
+        T = np.eye(4)
+        T[:3, 3] = self.position_m
+        if self.rpy_rad is not None:
+            (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy_rad), np.sin(self.rpy_rad)
+            T[:3, :3] = [
+                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                [-sp, cp * sr, cp * cr],
+            ]
+        if self.quaternion_wxyz is not None:
+            w, x, y, z = np.array(self.quaternion_wxyz) / np.linalg.norm(self.quaternion_wxyz)
+            T[:3, :3] = [
+                [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+            ]
+        return T
+
+
+class Box(_Object):
+    """A box; its origin is in its middle."""
+
+    shape: Literal["box"]
+    size_m: tuple[Length, Length, Length] = Field(description="Its sides along its x, y and z [m].")
+
+
+class Cylinder(_Object):
+    """A cylinder along its z axis; its origin is in its middle."""
+
+    shape: Literal["cylinder"]
+    radius_m: Length = Field(description="Its radius [m].")
+    length_m: Length = Field(description="Its length [m].")
+
+
+class Mesh(_Object):
+    """A mesh file; its convex hull is what can be touched."""
+
+    shape: Literal["mesh"]
+    path: Path = Field(description="File: .stl, .obj, .ply or .dae; relative to the pipeline's file.")
+    scale: Length = Field(1.0, description="Length of the file's unit [m].")
+
+
+Obstacle = Annotated[Box | Cylinder | Mesh, Field(discriminator="shape")]
+_ALL: Final = TypeAdapter(list[Obstacle])
+
+
+def read_environment(environment: Sequence[Mapping[str, Any]]) -> list[Box | Cylinder | Mesh]:
+    """Return the objects of a pipeline's ``environment``.
+
+    Raises:
+        pydantic.ValidationError: An entry is wrong; a loaded pipeline has none of these.
+    """
+    return _ALL.validate_python([dict(entry) for entry in environment])
+
+
+def triangles(item: Box | Cylinder | Mesh) -> tuple[Array, Any]:
+    """Return the surface of an object in world: vertices (V, 3) [m] and faces (F, 3).
+
+    Raises:
+        ValueError: A mesh file cannot be read; the message says why.
+    """
+    from imitor.visual import shapes
+
+    if isinstance(item, Box):
+        surface = shapes.box(item.size_m)
+    elif isinstance(item, Cylinder):
+        surface = shapes.cylinder(item.radius_m, item.length_m)
+    else:
+        try:
+            parts = shapes.read_mesh(item.path)
+        except (OSError, ValueError) as error:
+            raise ValueError(f"the mesh {item.path} of '{item.name}' cannot be read: {error}") from None
+        starts = np.cumsum([0, *(len(p.vertices) for p in parts)])
+        surface = shapes.Surface(
+            np.float32(item.scale) * np.concatenate([p.vertices for p in parts]),
+            np.concatenate([p.faces + s for p, s in zip(parts, starts[:-1], strict=True)]),
+        )
+    T = item.placement()
+    return surface.vertices @ T[:3, :3].T + T[:3, 3], surface.faces
