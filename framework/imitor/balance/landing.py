@@ -29,7 +29,7 @@ TOLERANCE: Final = 2e-3  # [m or rad]
 APART_M: Final = 0.004
 """Least distance between links of the two legs, and between the soles sideways [m]."""
 _ITERATIONS: Final = 30
-_FORMAT: Final = "landing 1"
+_FORMAT: Final = "landing 2"
 
 
 class LandingRegion:
@@ -101,7 +101,7 @@ class _Explorer:
         ]
         self._leg = sum(robot.segment_lengths()[f"left_{s}"] for s in ("thigh", "shank"))
         try:
-            shapes = robot_shapes(robot)
+            shapes = robot_shapes(robot, APART_M)
         except ValueError:  # no collision geometry: the soles alone keep apart
             self._distances = None
         else:
@@ -145,7 +145,7 @@ class _Explorer:
     def _legs_touch(self) -> bool:
         if self._distances is None:
             return False
-        near = self._distances.below(APART_M)[0]
+        near = self._distances.below(self._distances.shapes.margin)[0]
         return bool(self._between[near].any())
 
 
