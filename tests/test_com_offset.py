@@ -182,6 +182,7 @@ def test_the_target_is_at_the_offset_whatever_the_heights_of_the_feet() -> None:
     frame = next(pipeline.records(1)).human
     q = pipeline.robot.standing.copy()
     q[7 + pipeline.robot.joint_index("RKneePitch")] += 0.8
+    pipeline.state.q[:] = q
     pipeline.robot.update(q)
     left, right = (pipeline.robot.position(f"{side}_foot").copy() for side in ("left", "right"))
     assert right[2] - left[2] > 0.03
