@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -145,6 +146,36 @@ def test_a_foot_never_lifts_before_the_com_is_over_the_other(
             if not contact.all():
                 assert stance_margin(pipeline, int(contact[1])) >= 0.005
             assert com_margin(pipeline) >= 0.005
+
+
+# ---------------------------------------------------------------------- recordings
+
+
+@pytest.mark.shared
+@pytest.mark.parametrize(
+    "name",
+    [
+        "cmu_bvh/49_18.bvh",
+        "cmu_bvh/07_04.bvh",
+        "kinect_v2_irds/216_18_7_3_1_stand.csv",
+        "kinect_v1_precog/Seq1_8.csv",
+    ],
+)
+def test_recordings_are_statically_stable_in_every_frame(shared: Path, name: str) -> None:
+    registry = Registry(entry_points=False)
+    spec = load_pipeline("penna_poubel_2014", registry, input=shared / "mocap" / name)
+    pipeline = Pipeline(spec, registry)
+    places: list[Any] = [None, None]
+    for record in pipeline.records():
+        assert com_margin(pipeline) >= 0.005
+        for i, side in enumerate(SIDES):
+            at = pipeline.robot.position(f"{side}_foot")[:2].copy()
+            if not record.state.contact[i]:
+                places[i] = None
+                continue
+            places[i] = at if places[i] is None else places[i]
+            assert np.linalg.norm(at - places[i]) <= 0.010
+    pipeline.close()
 
 
 # ---------------------------------------------------------------------- bad input
