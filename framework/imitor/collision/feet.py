@@ -41,11 +41,11 @@ class Feet:
         return 1 - _FEET.index(stack.anchor)
 
     def free(self, stack: TaskStack) -> BoolArray:
-        """Return the joints whose motion moves neither the anchor nor a foot that holds its place, (n,)."""
+        """Return the joints whose motion moves neither the anchor nor a foot that stands or is being placed, (n,)."""
         robot, slides = self._robot, self.sliding(stack)
         held = np.zeros(robot.nv)
         for i, stands in enumerate(stack.contact.tolist()):
-            if stands and not self._release and i != slides:
+            if (stands or _is_placed(stack, i)) and not self._release and i != slides:
                 held += self._carried[i]
         if stack.anchor:
             held += robot.ancestors(stack.anchor)
@@ -60,6 +60,14 @@ class Feet:
     def kept(self, stack: TaskStack, *, bent: bool) -> Kept:
         """Return what is to be kept of the pose of the robot's last update; ``bent`` frees the standing legs."""
         return Kept(self._robot, stack, self.sliding(stack), bent)
+
+
+def _is_placed(stack: TaskStack, i: int) -> bool:
+    """Tell whether a foot is on a way that its task gives in full, place and tilt: it is about to land."""
+    if _FEET[i] not in stack:
+        return False
+    task = stack[_FEET[i]]
+    return task.kind is TaskKind.POSE and bool(task.active[0] and task.mask[:5].all())
 
 
 class Kept:
