@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from imitor.robot.model import RobotModel
-from imitor.tasks import Task, TaskKind, TaskStack
+from imitor.tasks import TaskKind, TaskStack
 from imitor.types import SIDES, Array
 
 FLAT_FREE_YAW = (True, True, True, True, True, False)
@@ -13,7 +13,7 @@ FLAT = (True,) * 6
 
 
 class FootTasks:
-    """One foot's tasks: the pose ``*_foot`` of its sole, or its position with ``*_sole``; in the air ``*_ankle``.
+    """One foot's tasks in world: the pose ``*_foot`` of its sole, or its place with ``*_sole``; in the air ``*_ankle``.
 
     Args:
         robot: The robot, left at its standing posture.
@@ -43,10 +43,8 @@ class FootTasks:
         task = stack[self.role]
         if task.kind is TaskKind.POSE:
             return np.asarray(task.target[:3, :3] @ self.sole_to_ankle + task.target[:3, 3])
-        robot, at = self._robot, task.target
-        if task.relative_to:
-            at = robot.rotation(task.relative_to) @ at + robot.position(task.relative_to)
-        return np.asarray(at + robot.position(self.ankle_role) - robot.position(task.frame))
+        robot = self._robot
+        return np.asarray(task.target + robot.position(self.ankle_role) - robot.position(task.frame))
 
     def wished_yaw(self, stack: TaskStack) -> float:
         """Return the heading the mapper would give the foot [rad]."""
@@ -66,8 +64,8 @@ class FootTasks:
             task.mask[:] = FLAT_FREE_YAW if free_yaw else FLAT
             return
         self._switch(stack, foot=True, air=False, sole=True)
-        at = pose[:3, 3] if task.frame == self.role else pose[:3, :3] @ self.sole_to_ankle + pose[:3, 3]
-        self._write_position(task, at)
+        lead = 0.0 if task.frame == self.role else pose[:3, :3] @ self.sole_to_ankle
+        task.target[:] = pose[:3, 3] + lead
         if self._sole in stack:
             sole = stack[self._sole]
             sole.target[:] = pose[:3, :3]
@@ -88,7 +86,7 @@ class FootTasks:
             return
         self._switch(stack, foot=True, air=False, sole=False)
         robot = self._robot
-        self._write_position(task, ankle + robot.position(task.frame) - robot.position(self.ankle_role))
+        task.target[:] = ankle + robot.position(task.frame) - robot.position(self.ankle_role)
 
     def release(self, stack: TaskStack) -> None:
         """Ask for nothing: the foot is the anchor."""
@@ -98,12 +96,6 @@ class FootTasks:
         """Return how high the ankle must be for the sole, turned as it is, to clear the floor by so much [m]."""
         up = self._robot.rotation(self.role)[2]
         return float(up @ self.sole_to_ankle) - float((self.corners @ up).min()) + clearance
-
-    def _write_position(self, task: Task, at: Array) -> None:
-        robot = self._robot
-        if task.relative_to:
-            at = (at - robot.position(task.relative_to)) @ robot.rotation(task.relative_to)
-        task.target[:] = at
 
     def _switch(self, stack: TaskStack, *, foot: bool, air: bool, sole: bool) -> None:
         for name, on in ((self.role, foot), (self.ankle_role, air), (self._sole, sole)):
