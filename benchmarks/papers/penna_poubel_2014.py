@@ -37,13 +37,18 @@ PERFORMER = [
         "walk_in_place",
         "weight_shift_foot_lift",
         "single_leg_balance",
+        "slow_dance",
     )
+] + [
+    Case("step_forward, a step of 0.57 m", scenario="step_forward", sets=("source.step_length_m=0.57",)),
+    Case("walk at a quarter of its speed", scenario="walk", sets=("speed=0.25",)),
 ]
 RECORDED = [
     Case("Kinect, IRDS 216_18_6_1_1", recording="kinect_v2_irds/216_18_6_1_1_stand.csv"),
     Case("Kinect, IRDS 216_18_7_3_1", recording="kinect_v2_irds/216_18_7_3_1_stand.csv"),
     Case("Kinect, Precog Seq1_8", recording="kinect_v1_precog/Seq1_8.csv"),
     Case("CMU 49_18, on one leg", recording="cmu_bvh/49_18.bvh"),
+    Case("CMU 07_04, slow walk", recording="cmu_bvh/07_04.bvh"),
     Case("CMU 07_04 at a quarter of its speed", recording="cmu_bvh/07_04.bvh", sets=("speed=0.25",)),
 ]
 DRAWN = "step_forward"
