@@ -195,6 +195,8 @@ class Pipeline:
                 if frame is None:
                     raise ImitorError("a filter returns the frame, not None")
             state = self.state
+            if state.status:
+                self._solved.reset()
             state.status = 0
             for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
                 step(frame, state)
@@ -309,7 +311,8 @@ class _Solved:
     """What the solvers found, before post-processing: where they go on from in the next frame.
 
     A solver that started from a corrected configuration would work against the correction frame after frame, and
-    joints that neither holds would drift away.
+    joints that neither holds would drift away. After a frame that was held, solvers start from the command: from where
+    the robot is there may be another way.
     """
 
     def __init__(self, robot: RobotModel) -> None:
