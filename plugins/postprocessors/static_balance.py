@@ -53,7 +53,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         from imitor.balance.stance import Stance
 
         robot = self.robot
-        self._stance = Stance
+        self._stance, self._twin = Stance, robot.twin()
         self._legs = Legs(robot, self.config.margin_m, self.config.com_tolerance_m or 0.0)
         self._feet: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._fast = robot.speed * self.dt_s
@@ -71,7 +71,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         if anchor < 0 or not stack.contact[anchor]:
             return
         q, contact, last = state.q, stack.contact, state.sent
-        stood, before = self._stood(anchor, contact, last, q)
+        stood, before = self._stood(anchor, contact, last)
         places = [p[:2].copy() for p in self._feet]
         for i in range(2):
             way = places[i] - before[i]
@@ -120,13 +120,11 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
             return low, high
         return np.maximum(low, last[7:] - self._fast), np.minimum(high, last[7:] + self._fast)
 
-    def _stood(
-        self, anchor: int, contact: BoolArray, last: Array | None, back: Array
-    ) -> tuple[BoolArray, list[Array]]:
+    def _stood(self, anchor: int, contact: BoolArray, last: Array | None) -> tuple[BoolArray, list[Array]]:
         """Return which feet in contact were down at the last command, and where on the floor feet were (2,) [m]."""
         if last is None:
             return contact, [p[:2].copy() for p in self._feet]
-        stance = self._stance.at(self.robot, last, back)
+        stance = self._stance.at(self._twin, last)
         stood = contact & np.array(stance.down)
         stood[anchor] = True
         return stood, [T[:2, 3] for T in stance.feet]

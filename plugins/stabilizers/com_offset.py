@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -62,6 +62,7 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         config = self.config
         limits = OffsetLimits(config.speed, config.floor, config.tolerance, config.landing_s)
         self._offset_of, self._mode_of, self._stance = offset_of, mode_of, Stance
+        self._twin = self.robot.twin()
         self.machine = SupportMachine(limits, self.dt_s)
         self._ankles = [ROLE_INDEX[f"{side}_ankle"] for side in SIDES]
         self._feet: list[Array] = [self.robot.position(f"{side}_foot") for side in SIDES]
@@ -88,12 +89,12 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         com.mask[:] = (True, True, False)
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
 
-    def _measured(self, state: Configuration) -> tuple[list[bool], bool]:
-        """Return over which soles the CoM of the last command is, and whether both feet were down in it."""
+    def _measured(self, state: Configuration) -> tuple[Callable[[int], bool], bool]:
+        """Return whether the CoM of the last command is over a sole, and whether both feet were down in it."""
         if state.sent is None:
-            return [False, False], True
-        stance = self._stance.at(self.robot, state.sent, state.q)
-        return [m >= self.config.margin_m for m in stance.margin_m], all(stance.down)
+            return lambda foot: False, True
+        stance = self._stance.at(self._twin, state.sent)
+        return lambda foot: stance.margin_m(foot) >= self.config.margin_m, all(stance.down)
 
 
 @hookimpl

@@ -71,7 +71,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         from imitor.balance.stance import Stance
 
         robot = self.robot
-        self._line, self._stance = offset, Stance
+        self._line, self._stance, self._twin = offset, Stance, robot.twin()
         self._places: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._turns: list[Array] = [robot.rotation(f"{side}_foot") for side in SIDES]
         self._waist_at, self._waist_turn = robot.position("waist"), robot.rotation("waist")
@@ -94,7 +94,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
                 min(self._down[i] + self._rate, 1.0) if on else max(self._down[i] - self._rate, 0.0)
             )
         before = self.robot.standing if state.sent is None else state.sent
-        self._last = self._stance.at(self.robot, before, state.q)
+        self._last = self._stance.at(self._twin, before)
         com, places = self.robot.com, [p.copy() for p in self._places]
         offset = self._line.offset_of(stack["com"].target, places[0], places[1])
         offset = min(max(offset, 0.0), 1.0) if all(wanted) else float(wanted[1])

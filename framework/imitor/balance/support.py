@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -73,7 +73,7 @@ class SupportMachine:
         human: Mode | None,
         human_offset: float,
         *,
-        over: Sequence[bool] = (True, True),
+        over: Callable[[int], bool] = lambda foot: True,
         down: bool = True,
     ) -> None:
         """Advance by a frame; in flight the robot stays as it is.
@@ -83,7 +83,7 @@ class SupportMachine:
         Args:
             human: What the human stands on; ``None`` in flight.
             human_offset: The human's offset [-].
-            over: Whether the robot's own CoM is over its left and over its right sole.
+            over: Tells whether the robot's own CoM is over its left (0) or right (1) sole; asked when it matters.
             down: Whether both of the robot's feet are on the ground.
         """
         limits = self._limits
@@ -100,13 +100,13 @@ class SupportMachine:
         self.offset += min(max(self._goal - self.offset, -most), most)
         self.offset = min(max(self.offset, 0.0), 1.0)
 
-    def _change(self, human: Mode, over: Sequence[bool]) -> None:
+    def _change(self, human: Mode, over: Callable[[int], bool]) -> None:
         if self.mode is not Mode.DOUBLE:
             if human is not self.mode:
                 self.mode, self._wait_s, self._landing = Mode.DOUBLE, self._limits.landing_s, True
             return
         end = _END.get(human)
-        if end is None or self._wait_s > 0.0 or self._landing or not over[int(end)]:
+        if end is None or self._wait_s > 0.0 or self._landing:
             return
-        if abs(self.offset - end) <= self._limits.tolerance:
+        if abs(self.offset - end) <= self._limits.tolerance and over(int(end)):
             self.mode, self.offset = human, end

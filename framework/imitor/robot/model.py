@@ -61,8 +61,8 @@ class RobotModel:
         self.data = self.model.createData()
         self.sole = _sole_corners(card)
         self.coupling = self._coupling_matrix()
-        self.standing = self._standing_configuration()
         self._frame_views()
+        self.standing = self._standing_configuration()
         self._growth: Growth | None = None
         self.update(self.standing)
 
@@ -210,6 +210,7 @@ class RobotModel:
             role: frames[i].translation for role, i in self._role_frame.items()
         }
         self._rotation: dict[str, Array] = {role: frames[i].rotation for role, i in self._role_frame.items()}
+        self._feet = [(self._rotation[f"{side}_foot"], self._position[f"{side}_foot"]) for side in SIDES]
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
         self.jacobian: Array = self.data.J
@@ -294,11 +295,9 @@ class RobotModel:
     def sole_corners(self) -> Array:
         """Return the sole corners in world at the last `update`, shape (2, K, 3) [m]."""
         out = np.empty_like(self.sole)
-        for i, side in enumerate(SIDES):
-            fid = self._role_frame[f"{side}_foot"]
-            pin.updateFramePlacement(self.model, self.data, fid)
-            M = self.data.oMf[fid]
-            out[i] = self.sole[i] @ M.rotation.T + M.translation
+        for corners, sole, (R, p) in zip(out, self.sole, self._feet, strict=True):
+            np.dot(sole, R.T, out=corners)
+            corners += p
         return out
 
     @property
