@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from math import dist
 from typing import Any, Final
 
 import numpy as np
@@ -74,10 +75,9 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         stood, before = self._stood(anchor, contact, last)
         places = [p[:2].copy() for p in self._feet]
         for i in range(2):
-            way = places[i] - before[i]
-            length = float(np.hypot(*way))
+            length = dist(places[i], before[i])
             if contact[i] and length > self._slide:
-                places[i] = before[i] + self._slide / length * way
+                places[i] = before[i] + self._slide / length * (places[i] - before[i])
         bounds, com = self._bounds(last), self._com_target(stack)
         legs = self._legs
         if self._within(q, bounds) and legs.stands(contact, places) and legs.near(com):
@@ -131,7 +131,8 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
 
     @staticmethod
     def _within(q: Array, bounds: tuple[Array, Array]) -> bool:
-        return not ((q[7:] < bounds[0] - 1e-12) | (q[7:] > bounds[1] + 1e-12)).any()
+        joints = q[7:]
+        return not ((joints < bounds[0] - 1e-12) | (joints > bounds[1] + 1e-12)).any()
 
     def _reachable(self, wanted: Array, last: Array) -> float:
         """Return the largest share of the way from the last command to a pose that the joints' speed allows [-]."""

@@ -11,6 +11,8 @@ from pydantic import Field
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
 from imitor.types import ROLE_INDEX, SIDES, Array
 
+_ON_THE_FLOOR = np.array([True, True, False])
+
 
 class ComOffsetConfig(Config):
     """Options of the CoM offset."""
@@ -86,7 +88,7 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         )
         com = stack["com"]
         com.target[:] = self._feet[0] + machine.offset * (self._feet[1] - self._feet[0])
-        com.mask[:] = (True, True, False)
+        com.mask[:] = _ON_THE_FLOOR
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
 
     def _measured(self, state: Configuration) -> tuple[Callable[[int], bool], bool]:

@@ -36,9 +36,9 @@ class Stance:
     def of(cls, robot: RobotModel) -> Stance:
         """Measure the robot at its last `update`."""
         soles = robot.sole_corners()
-        down = abs(soles[:, :, 2]).max(axis=1) <= DOWN_M
+        down = [low >= -DOWN_M and high <= DOWN_M for low, high in heights(soles)]
         feet = [robot.pose(f"{side}_foot") for side in SIDES]
-        return cls(feet, soles, floor_point(robot.com), down.tolist())
+        return cls(feet, soles, floor_point(robot.com), down)
 
     @classmethod
     def at(cls, twin: RobotModel, q: Array) -> Stance:
@@ -49,6 +49,11 @@ class Stance:
     def margin_m(self, foot: int) -> float:
         """Return how far inside a sole the CoM projects, negative outside [m]."""
         return margin(self.com, footprint([self.soles[foot]]))
+
+
+def heights(soles: Array) -> list[tuple[float, float]]:
+    """Return the lowest and the highest corner's height of both soles, shape (2, K, 3) [m]."""
+    return [(min(z), max(z)) for z in soles[:, :, 2].tolist()]
 
 
 def footprint(soles: Sequence[Array]) -> list[Point]:

@@ -27,6 +27,7 @@ with warnings.catch_warnings():
 BASE_NQ: Final = 7
 BASE_NV: Final = 6
 DEFAULT_SPEED: Final = 10.0  # [rad/s], where neither model nor card says
+_IDENTITY: Final = np.eye(4)
 V = TypeVar("V")
 
 
@@ -283,7 +284,7 @@ class RobotModel:
 
     def pose(self, role: str) -> Array:
         """Return a copy of a role's pose, world from role, shape (4, 4)."""
-        T = np.eye(4)
+        T = _IDENTITY.copy()
         T[:3, :3], T[:3, 3] = self.rotation(role), self.position(role)
         return T
 
@@ -297,7 +298,7 @@ class RobotModel:
         out = np.empty_like(self.sole)
         for corners, sole, (R, p) in zip(out, self.sole, self._feet, strict=True):
             np.dot(sole, R.T, out=corners)
-            corners += p
+            np.add(corners, p, out=corners)
         return out
 
     @property
