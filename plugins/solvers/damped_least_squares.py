@@ -33,7 +33,7 @@ Count = Annotated[int, Field(ge=1, le=5000)]
 Weight = Annotated[float, Field(gt=0)]
 _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE)
 Bounds = tuple[Array, Array]
-_PROGRESS, _PATIENCE = 0.98, 3
+_PROGRESS, _PATIENCE = 0.98, 5
 """With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
 
 
