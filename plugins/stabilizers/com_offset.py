@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -82,21 +82,24 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
             human = self._offset_of(frame.com, frame.position[left], frame.position[right])
             self.human_offset = human if np.isfinite(human) else self.human_offset
         machine, support = self.machine, frame.support
-        over, down = self._measured(state)
         machine.step(
-            None if support is None else self._mode_of(support), self.human_offset, over=over, down=down
+            None if support is None else self._mode_of(support),
+            self.human_offset,
+            over=lambda foot: self._is_over(foot, state.sent),
+            down=lambda: self._is_down(state.sent),
         )
         com = stack["com"]
         com.target[:] = self._feet[0] + machine.offset * (self._feet[1] - self._feet[0])
         com.mask[:] = _ON_THE_FLOOR
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
 
-    def _measured(self, state: Configuration) -> tuple[Callable[[int], bool], bool]:
-        """Return whether the CoM of the last command is over a sole, and whether both feet were down in it."""
-        if state.sent is None:
-            return lambda foot: False, True
-        stance = self._stance.at(self._twin, state.sent)
-        return lambda foot: stance.margin_m(foot) >= self.config.margin_m, all(stance.down)
+    def _is_over(self, foot: int, last: Array | None) -> bool:
+        """Tell whether the CoM of the last command is over a sole."""
+        return last is not None and self._stance.at(self._twin, last).margin_m(foot) >= self.config.margin_m
+
+    def _is_down(self, last: Array | None) -> bool:
+        """Tell whether both feet were down in the last command."""
+        return last is None or all(self._stance.at(self._twin, last).down)
 
 
 @hookimpl

@@ -210,7 +210,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         length = sqrt(normal.dot(normal))
         if share >= 1.0 or length < 1e-6:
             return heading
-        return self._line.upright(normal / length).T.dot(heading)
+        return np.asarray(self._line.upright(normal / length).T.dot(heading))
 
     @staticmethod
     def _write_foot(

@@ -74,7 +74,7 @@ class SupportMachine:
         human_offset: float,
         *,
         over: Callable[[int], bool] = lambda foot: True,
-        down: bool = True,
+        down: Callable[[], bool] = lambda: True,
     ) -> None:
         """Advance by a frame; in flight the robot stays as it is.
 
@@ -83,8 +83,8 @@ class SupportMachine:
         Args:
             human: What the human stands on; ``None`` in flight.
             human_offset: The human's offset [-].
-            over: Tells whether the robot's own CoM is over its left (0) or right (1) sole; asked when it matters.
-            down: Whether both of the robot's feet are on the ground.
+            over: Tells whether the robot's own CoM is over its left (0) or right (1) sole; asked where it matters.
+            down: Tells whether both of the robot's feet are on the ground; asked while one lands.
         """
         limits = self._limits
         if human is not None:
@@ -92,7 +92,7 @@ class SupportMachine:
             self._goal = _END.get(human, min(max(human_offset, 0.0), 1.0))
         if self.mode is not Mode.DOUBLE:
             return
-        self._landing &= not down
+        self._landing = self._landing and not down()
         if self._wait_s > 0.0 or self._landing:
             self._wait_s -= self._dt_s
             return
