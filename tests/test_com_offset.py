@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -102,7 +103,7 @@ def test_a_foot_lifts_only_under_the_measured_com_and_the_com_leaves_only_a_foot
     landing = False
     for human, left, right, down in steps:
         stood, before = machine.mode, machine.offset
-        machine.step(human, 0.5, over=(left, right), down=down)
+        machine.step(human, 0.5, over=(left, right).__getitem__, down=partial(bool, down))
         if stood is Mode.DOUBLE and machine.mode is not Mode.DOUBLE:
             assert left if machine.mode is Mode.LEFT else right
             assert not landing

@@ -67,7 +67,8 @@ def played(pipeline: Pipeline, frames: Iterable[HumanFrame]) -> Played:
         rows.append(
             (
                 margin(com, convex_hull(touching)) if touching else -1.0,
-                state.contact.copy(), soles, stance.margin_m, state.q.copy(), state.status == 1,
+                state.contact.copy(), soles, [stance.margin_m(i) for i in range(2)],
+                state.q.copy(), state.status == 1,
             )
         )  # fmt: skip
     return Played(*(np.array(column) for column in zip(*rows, strict=True)))

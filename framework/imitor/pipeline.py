@@ -328,7 +328,7 @@ class _Solved:
         self._q[:] = state.q
 
     def resume(self, frame: HumanFrame, state: Configuration) -> None:
-        if self._q is not None and np.isfinite(self._q).all():
+        if self._q is not None and math.isfinite(self._q.dot(self._q)):
             state.q[:] = self._q
             self._robot.update(state.q)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from math import dist
 from typing import Any, Final
 
 import numpy as np
@@ -53,7 +54,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         from imitor.balance.stance import Stance
 
         robot = self.robot
-        self._stance = Stance
+        self._stance, self._twin = Stance, robot.twin()
         self._legs = Legs(robot, self.config.margin_m, self.config.com_tolerance_m or 0.0)
         self._feet: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._fast = robot.speed * self.dt_s
@@ -71,13 +72,12 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         if anchor < 0 or not stack.contact[anchor]:
             return
         q, contact, last = state.q, stack.contact, state.sent
-        stood, before = self._stood(anchor, contact, last, q)
+        stood, before = self._stood(anchor, contact, last)
         places = [p[:2].copy() for p in self._feet]
         for i in range(2):
-            way = places[i] - before[i]
-            length = float(np.hypot(*way))
+            length = dist(places[i], before[i])
             if contact[i] and length > self._slide:
-                places[i] = before[i] + self._slide / length * way
+                places[i] = before[i] + self._slide / length * (places[i] - before[i])
         bounds, com = self._bounds(last), self._com_target(stack)
         legs = self._legs
         if self._within(q, bounds) and legs.stands(contact, places) and legs.near(com):
@@ -120,20 +120,19 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
             return low, high
         return np.maximum(low, last[7:] - self._fast), np.minimum(high, last[7:] + self._fast)
 
-    def _stood(
-        self, anchor: int, contact: BoolArray, last: Array | None, back: Array
-    ) -> tuple[BoolArray, list[Array]]:
+    def _stood(self, anchor: int, contact: BoolArray, last: Array | None) -> tuple[BoolArray, list[Array]]:
         """Return which feet in contact were down at the last command, and where on the floor feet were (2,) [m]."""
         if last is None:
             return contact, [p[:2].copy() for p in self._feet]
-        stance = self._stance.at(self.robot, last, back)
+        stance = self._stance.at(self._twin, last)
         stood = contact & np.array(stance.down)
         stood[anchor] = True
         return stood, [T[:2, 3] for T in stance.feet]
 
     @staticmethod
     def _within(q: Array, bounds: tuple[Array, Array]) -> bool:
-        return not ((q[7:] < bounds[0] - 1e-12) | (q[7:] > bounds[1] + 1e-12)).any()
+        joints = q[7:]
+        return not ((joints < bounds[0] - 1e-12) | (joints > bounds[1] + 1e-12)).any()
 
     def _reachable(self, wanted: Array, last: Array) -> float:
         """Return the largest share of the way from the last command to a pose that the joints' speed allows [-]."""

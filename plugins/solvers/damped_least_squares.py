@@ -33,8 +33,9 @@ Count = Annotated[int, Field(ge=1, le=5000)]
 Weight = Annotated[float, Field(gt=0)]
 _SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE)
 Bounds = tuple[Array, Array]
-_PROGRESS, _PATIENCE = 0.98, 3
-"""With a tolerance the squared error must fall to this share within so many iterations, or the frame is done."""
+_PROGRESS = 0.004, 0.98, 5
+"""With a tolerance a frame is done when an iteration takes less than the first share off the squared error, or when
+that does not fall to the second share within so many iterations."""
 
 
 class Tolerance(Config):
@@ -186,7 +187,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         if stack.anchor and not robot.is_at(stack.anchor, stack.anchor_pose):
             robot.place(q, stack.anchor, stack.anchor_pose)
         in_world = bool(stack.anchor) and self._in_world(layout)
-        progress = self._progress(_PROGRESS, _PATIENCE)
+        progress = self._progress(*_PROGRESS)
         for k in range(rounds.most):
             self._rows.assemble(layout)
             if plan.allowed is not None and progress.ends(layout.e / plan.allowed):
@@ -204,7 +205,7 @@ class DampedLeastSquares(Solver[DampedLeastSquaresConfig]):
         """Iterate on places and rotations while the base stays still: the same steps, placed once at the end."""
         joints, weights, (low, high) = q[7:], self._weights, bounds
         most = self.config.max_step_rad
-        progress, relative = self._progress(_PROGRESS, _PATIENCE), plan.allowed
+        progress, relative = self._progress(*_PROGRESS), plan.allowed
         rows.begin()
         for k in range(rounds.most):
             if k in rounds.free:

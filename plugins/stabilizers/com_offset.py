@@ -11,6 +11,8 @@ from pydantic import Field
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
 from imitor.types import ROLE_INDEX, SIDES, Array
 
+_ON_THE_FLOOR = np.array([True, True, False])
+
 
 class ComOffsetConfig(Config):
     """Options of the CoM offset."""
@@ -62,6 +64,7 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
         config = self.config
         limits = OffsetLimits(config.speed, config.floor, config.tolerance, config.landing_s)
         self._offset_of, self._mode_of, self._stance = offset_of, mode_of, Stance
+        self._twin = self.robot.twin()
         self.machine = SupportMachine(limits, self.dt_s)
         self._ankles = [ROLE_INDEX[f"{side}_ankle"] for side in SIDES]
         self._feet: list[Array] = [self.robot.position(f"{side}_foot") for side in SIDES]
@@ -79,21 +82,24 @@ class ComOffset(Stabilizer[ComOffsetConfig]):
             human = self._offset_of(frame.com, frame.position[left], frame.position[right])
             self.human_offset = human if np.isfinite(human) else self.human_offset
         machine, support = self.machine, frame.support
-        over, down = self._measured(state)
         machine.step(
-            None if support is None else self._mode_of(support), self.human_offset, over=over, down=down
+            None if support is None else self._mode_of(support),
+            self.human_offset,
+            over=lambda foot: self._is_over(foot, state.sent),
+            down=lambda: self._is_down(state.sent),
         )
         com = stack["com"]
         com.target[:] = self._feet[0] + machine.offset * (self._feet[1] - self._feet[0])
-        com.mask[:] = (True, True, False)
+        com.mask[:] = _ON_THE_FLOOR
         stack.contact[:] = (machine.mode.value != "right", machine.mode.value != "left")
 
-    def _measured(self, state: Configuration) -> tuple[list[bool], bool]:
-        """Return over which soles the CoM of the last command is, and whether both feet were down in it."""
-        if state.sent is None:
-            return [False, False], True
-        stance = self._stance.at(self.robot, state.sent, state.q)
-        return [m >= self.config.margin_m for m in stance.margin_m], all(stance.down)
+    def _is_over(self, foot: int, last: Array | None) -> bool:
+        """Tell whether the CoM of the last command is over a sole."""
+        return last is not None and self._stance.at(self._twin, last).margin_m(foot) >= self.config.margin_m
+
+    def _is_down(self, last: Array | None) -> bool:
+        """Tell whether both feet were down in the last command."""
+        return last is None or all(self._stance.at(self._twin, last).down)
 
 
 @hookimpl

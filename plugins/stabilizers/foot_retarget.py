@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ from imitor.types import SIDES, Array
 
 _LIGHT = 0.6
 """Offset of the CoM away from the anchor's foot above which the other foot becomes the anchor [-]."""
+_FREE_HEADING = np.array([True, True, False])
+_PLACE_AND_SOLE = np.array([True, True, True, True, True, False])
+_UP = np.array([0.0, 0.0, 1.0])
 _MOST = 0.5
 """Most that a foot is moved, as a share of its way to the CoM [-]: what asks for more is no standing pose."""
 
@@ -71,7 +75,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         from imitor.balance.stance import Stance
 
         robot = self.robot
-        self._line, self._stance = offset, Stance
+        self._line, self._stance, self._twin = offset, Stance, robot.twin()
         self._places: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._turns: list[Array] = [robot.rotation(f"{side}_foot") for side in SIDES]
         self._waist_at, self._waist_turn = robot.position("waist"), robot.rotation("waist")
@@ -94,7 +98,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
                 min(self._down[i] + self._rate, 1.0) if on else max(self._down[i] - self._rate, 0.0)
             )
         before = self.robot.standing if state.sent is None else state.sent
-        self._last = self._stance.at(self.robot, before, state.q)
+        self._last = self._stance.at(self._twin, before)
         com, places = self.robot.com, [p.copy() for p in self._places]
         offset = self._line.offset_of(stack["com"].target, places[0], places[1])
         offset = min(max(offset, 0.0), 1.0) if all(wanted) else float(wanted[1])
@@ -114,9 +118,9 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
     def _kept(self, places: list[Array], planted: list[bool]) -> list[Array]:
         """Return the feet as they stand to one another at the last command, the one the human stands on in place."""
         feet, j = self._last.feet, self._support if all(planted) else planted.index(False)
-        turn = self._line.yaw(self._line.yaw_of(self._turns[j]) - self._line.yaw_of(feet[j][:3, :3]))
+        turn = self._line.yaw(self._line.yaw_of(self._turns[j]) - self._line.yaw_of(feet[j]))
         kept = list(places)
-        kept[1 - j] = places[j] + turn @ (feet[1 - j][:3, 3] - feet[j][:3, 3])
+        kept[1 - j] = places[j] + turn.dot(feet[1 - j][:3, 3] - feet[j][:3, 3])
         return kept
 
     def _double(self, com: Array, places: list[Array], offset: float) -> list[Array]:
@@ -140,7 +144,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         foot = self._support
         T = self.robot.pose(f"{SIDES[foot]}_foot") if first else self._last.feet[foot]
         self._ground = np.eye(4)
-        self._ground[:3, :3] = self._line.yaw(self._line.yaw_of(T[:3, :3]))
+        self._ground[:3, :3] = self._line.yaw(self._line.yaw_of(T))
         self._ground[:2, 3] = T[:2, 3]
 
     def _write(
@@ -156,67 +160,73 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         """Set the robot on the ground and write the targets in that world."""
         foot, line = self._support, self._line
         R = line.upright(normal)
-        R = line.yaw(line.yaw_of(self._ground[:3, :3]) - line.yaw_of(R @ self._turns[foot])) @ R
-        at = self._ground[:3, 3] - R @ standing[foot]  # world of the ground from the present world
+        R = line.yaw(line.yaw_of(self._ground) - line.yaw_of(R.dot(self._turns[foot]))).dot(R)
+        at = self._ground[:3, 3] - R.dot(standing[foot])  # world of the ground from the present world
         com = stack["com"]
-        com.target[:] = R @ self.robot.com + at
-        com.mask[:] = (True, True, False)
-        waist = R @ self._waist_turn
-        waist_at = R @ self._waist_at + at
+        np.add(R.dot(self.robot.com), at, out=com.target)
+        com.mask[:] = _FREE_HEADING
+        waist = R.dot(self._waist_turn)
+        waist_at = R.dot(self._waist_at) + at
         floor: list[Array] = []
         for i, side in enumerate(SIDES):
-            down = self._down[i] * self._down[i] * (3.0 - 2.0 * self._down[i])  # leaves and arrives at rest
-            free = R @ places[i] + at
-            turn = self._tilted(R @ self._turns[i], float(free[2]), down)
-            sole = self.robot.sole[i] @ turn.T
-            free[2] = max(float(free[2]), self.config.clearance_m - float(sole[:, 2].min()))
-            ground = R @ standing[i] + at
+            ground = R.dot(standing[i]) + at
             ground[2] = 0.0
             if wanted[i] and self._last.down[i]:
                 self._left[i] = self._last.feet[i][:2, 3]
             elif not wanted[i]:
                 ground[:2] = self._left[i]
-            target = ground
-            if down < 1.0:  # up before it goes, there before it comes down
-                target = ground + (1.0 - down) * (free - ground) * (1.0 - down, 1.0 - down, 1.0)
-            pose = np.eye(4)
-            pose[:3, :3], pose[:3, 3] = turn, target
+            turn, target, down = R.dot(self._turns[i]), ground, self._down[i]
+            if down < 1.0:
+                turn, target = self._in_the_air(i, turn, R.dot(places[i]) + at, ground)
+            else:
+                turn = line.yaw(line.yaw_of(turn))
             if planted[i] and i != foot:
-                pose[:2, 3] = self._last.feet[i][:2, 3]
-            self._write_foot(stack, side, pose, waist, waist_at)
+                target[:2] = self._last.feet[i][:2, 3]
+            self._write_foot(stack, side, turn, target, waist, waist_at)
             stack.contact[i] = wanted[i] and down >= 1.0
-            floor.append(pose[:2, 3] if planted[i] else ground[:2])
-        stack["com"].target[:2] = (1.0 - offset) * floor[0] + offset * floor[1]
+            floor.append(target[:2] if planted[i] else ground[:2])
+        com.target[:2] = (1.0 - offset) * floor[0] + offset * floor[1]
         task = stack["waist"]
         task.target[:] = waist
-        task.mask[:] = (True, True, False)
+        task.mask[:] = _FREE_HEADING
         task.active[0] = True
         stack.anchor = f"{SIDES[foot]}_foot"
         stack.anchor_pose[:] = self._ground
+
+    def _in_the_air(self, foot: int, turn: Array, free: Array, ground: Array) -> tuple[Array, Array]:
+        """Return how a foot is turned and where it is on its way between its free place and its place on the ground."""
+        down = self._down[foot] * self._down[foot] * (3.0 - 2.0 * self._down[foot])  # leaves, arrives at rest
+        turn = self._tilted(turn, float(free[2]), down)
+        lowest = float(self.robot.sole[foot].dot(turn[2]).min())
+        free[2] = max(float(free[2]), self.config.clearance_m - lowest)
+        # up before it goes, there before it comes down
+        return turn, ground + (1.0 - down) * (free - ground) * (1.0 - down, 1.0 - down, 1.0)
 
     def _tilted(self, turn: Array, height: float, down: float) -> Array:
         """Return how a sole is to be turned: as found while high up, flat near the ground and on it."""
         share = max(down, 1.0 - min(max(height / self.config.flat_below_m - 1.0, 0.0), 1.0))
         heading = self._line.yaw(self._line.yaw_of(turn))
-        normal = (1.0 - share) * turn[:, 2] + np.array([0.0, 0.0, share])
-        length = float(np.linalg.norm(normal))
+        normal = (1.0 - share) * turn[:, 2] + share * _UP
+        length = sqrt(normal.dot(normal))
         if share >= 1.0 or length < 1e-6:
             return heading
-        return np.asarray(self._line.upright(normal / length).T @ heading)
+        return np.asarray(self._line.upright(normal / length).T.dot(heading))
 
     @staticmethod
-    def _write_foot(stack: TaskStack, side: str, pose: Array, waist: Array, waist_at: Array) -> None:
+    def _write_foot(
+        stack: TaskStack, side: str, turn: Array, place: Array, waist: Array, waist_at: Array
+    ) -> None:
         task: Task = stack[f"{side}_foot"]
         task.active[0] = True
         if task.kind is TaskKind.POSE:
-            task.target[:] = pose
-            task.mask[:] = (True, True, True, True, True, False)
+            task.target[:3, :3], task.target[:3, 3], task.target[3] = turn, place, (0.0, 0.0, 0.0, 1.0)
+            task.mask[:] = _PLACE_AND_SOLE
             return
-        task.target[:] = (pose[:3, 3] - waist_at) @ waist if task.relative_to == "waist" else pose[:3, 3]
+        task.target[:] = (place - waist_at).dot(waist) if task.relative_to == "waist" else place
         if f"{side}_sole" in stack:
             sole = stack[f"{side}_sole"]
-            sole.target[:] = pose[:3, :3]
-            sole.mask[:] = (True, True, False)
+            sole.target[:] = turn
+            sole.mask[:] = _FREE_HEADING
             sole.active[0] = True
 
 

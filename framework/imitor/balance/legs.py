@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from imitor.balance.stance import floor_point, footprint, moved_inside
+from imitor.balance.stance import floor_point, footprint, heights, moved_inside
 from imitor.metrics.polygon import Point, margin
 from imitor.types import SIDES, Array, BoolArray
 
@@ -60,20 +60,21 @@ class Legs:
             places: Where on the floor each foot shall stand, shape (2,) each [m].
         """
         soles = self._robot.sole_corners()
-        for i in range(2):
-            if not contact[i]:
-                if soles[i][:, 2].min() < -_FLAT_M:
+        standing = []
+        for i, (stands, (low, high)) in enumerate(zip(contact.tolist(), heights(soles), strict=True)):
+            if not stands:
+                if low < -_FLAT_M:
                     return False
-            elif (
-                np.abs(soles[i][:, 2]).max() > 2.0 * _FLAT_M
-                or np.abs(self._views[i][0][:2] - places[i]).max() > 2.0 * _PLACE_M
-            ):
+                continue
+            (x, y, _), (to_x, to_y) = self._views[i][0].tolist(), places[i].tolist()
+            if max(high, -low) > 2.0 * _FLAT_M or max(abs(x - to_x), abs(y - to_y)) > 2.0 * _PLACE_M:
                 return False
-        return margin(floor_point(self._robot.com), footprint(list(soles[contact]))) >= self._margin
+            standing.append(soles[i])
+        return margin(floor_point(self._robot.com), footprint(standing)) >= self._margin
 
     def near(self, target: Array | None) -> bool:
         """Tell whether the CoM is as near to its target on the floor, shape (2,) [m], as it shall."""
-        return target is None or float(np.hypot(*(self._robot.com[:2] - target))) <= self._tolerance
+        return target is None or math.dist(self._robot.com[:2], target) <= self._tolerance
 
     def _goal(self, soles: Array, contact: BoolArray, target: Array | None) -> Point | None:
         """Return the nearest point on the floor where the CoM may be [m]; ``None`` where it is."""

@@ -22,32 +22,38 @@ class Stance:
 
     Attributes:
         feet: Poses of the left and the right foot, world from foot, shape (4, 4) each.
+        soles: Corners of both soles in world, shape (2, K, 3) [m].
+        com: The CoM over the floor [m].
         down: Whether each sole lies on the floor.
-        margin_m: How far inside each sole the CoM projects, negative outside [m].
     """
 
     feet: Sequence[Array]
+    soles: Array
+    com: Point
     down: Sequence[bool]
-    margin_m: Sequence[float]
 
     @classmethod
     def of(cls, robot: RobotModel) -> Stance:
         """Measure the robot at its last `update`."""
         soles = robot.sole_corners()
-        com = floor_point(robot.com)
-        return cls(
-            [robot.pose(f"{side}_foot") for side in SIDES],
-            [bool(abs(sole[:, 2]).max() <= DOWN_M) for sole in soles],
-            [margin(com, footprint([sole])) for sole in soles],
-        )
+        down = [low >= -DOWN_M and high <= DOWN_M for low, high in heights(soles)]
+        feet = [robot.pose(f"{side}_foot") for side in SIDES]
+        return cls(feet, soles, floor_point(robot.com), down)
 
     @classmethod
-    def at(cls, robot: RobotModel, q: Array, back: Array) -> Stance:
-        """Measure the robot at a configuration (nq,), and leave it updated at another one."""
-        robot.update(q)
-        stance = cls.of(robot)
-        robot.update(back)
-        return stance
+    def at(cls, twin: RobotModel, q: Array) -> Stance:
+        """Measure a configuration (nq,) on a twin of the robot, which itself stays where it is."""
+        twin.update(q)
+        return cls.of(twin)
+
+    def margin_m(self, foot: int) -> float:
+        """Return how far inside a sole the CoM projects, negative outside [m]."""
+        return margin(self.com, footprint([self.soles[foot]]))
+
+
+def heights(soles: Array) -> list[tuple[float, float]]:
+    """Return the lowest and the highest corner's height of both soles, shape (2, K, 3) [m]."""
+    return [(min(z), max(z)) for z in soles[:, :, 2].tolist()]
 
 
 def footprint(soles: Sequence[Array]) -> list[Point]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
@@ -73,8 +73,8 @@ class SupportMachine:
         human: Mode | None,
         human_offset: float,
         *,
-        over: Sequence[bool] = (True, True),
-        down: bool = True,
+        over: Callable[[int], bool] = lambda foot: True,
+        down: Callable[[], bool] = lambda: True,
     ) -> None:
         """Advance by a frame; in flight the robot stays as it is.
 
@@ -83,8 +83,8 @@ class SupportMachine:
         Args:
             human: What the human stands on; ``None`` in flight.
             human_offset: The human's offset [-].
-            over: Whether the robot's own CoM is over its left and over its right sole.
-            down: Whether both of the robot's feet are on the ground.
+            over: Tells whether the robot's own CoM is over its left (0) or right (1) sole; asked where it matters.
+            down: Tells whether both of the robot's feet are on the ground; asked while one lands.
         """
         limits = self._limits
         if human is not None:
@@ -92,7 +92,7 @@ class SupportMachine:
             self._goal = _END.get(human, min(max(human_offset, 0.0), 1.0))
         if self.mode is not Mode.DOUBLE:
             return
-        self._landing &= not down
+        self._landing = self._landing and not down()
         if self._wait_s > 0.0 or self._landing:
             self._wait_s -= self._dt_s
             return
@@ -100,13 +100,13 @@ class SupportMachine:
         self.offset += min(max(self._goal - self.offset, -most), most)
         self.offset = min(max(self.offset, 0.0), 1.0)
 
-    def _change(self, human: Mode, over: Sequence[bool]) -> None:
+    def _change(self, human: Mode, over: Callable[[int], bool]) -> None:
         if self.mode is not Mode.DOUBLE:
             if human is not self.mode:
                 self.mode, self._wait_s, self._landing = Mode.DOUBLE, self._limits.landing_s, True
             return
         end = _END.get(human)
-        if end is None or self._wait_s > 0.0 or self._landing or not over[int(end)]:
+        if end is None or self._wait_s > 0.0 or self._landing:
             return
-        if abs(self.offset - end) <= self._limits.tolerance:
+        if abs(self.offset - end) <= self._limits.tolerance and over(int(end)):
             self.mode, self.offset = human, end

@@ -187,19 +187,26 @@ class Rounds:
 class Progress:
     """Where iterations with a tolerance end: within it, or where they bring nothing any more.
 
+    Bringing nothing shows early where the error falls, but hardly, in one iteration: from there it falls ever less.
+    An error that also rises needs more patience.
+
     Args:
+        still: An iteration that takes no more than this share off the squared error is the last one.
         share: The squared error must fall to this share
         patience: within so many iterations.
     """
 
-    def __init__(self, share: float, patience: int) -> None:
-        self._share, self._patience = share, patience
-        self._least, self._waited = np.inf, 0
+    def __init__(self, still: float, share: float, patience: int) -> None:
+        self._still, self._share, self._patience = still, share, patience
+        self._last, self._least, self._waited = np.inf, np.inf, 0
 
     def ends(self, relative: Array) -> bool:
         """Tell whether to stop at errors of which 1 is allowed, shape (m,)."""
         error = float(relative.dot(relative))
         if error <= relative.shape[0] and float(np.abs(relative).max(initial=0.0)) <= 1.0:
+            return True
+        gain, self._last = self._last - error, error
+        if 0.0 <= gain < self._still * error:
             return True
         self._waited += 1
         if error < self._share * self._least:

@@ -22,7 +22,11 @@ def convex_hull(points: Sequence[Point]) -> list[Point]:
     for sequence in (ordered, ordered[::-1]):
         chain: list[Point] = []
         for p in sequence:
-            while len(chain) > 1 and _turn(chain[-2], chain[-1], p) <= 0.0:
+            x, y = p
+            while len(chain) > 1:  # the turn is written out: this is the inner loop of every balance
+                (ax, ay), (bx, by) = chain[-2:]
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                    break
                 chain.pop()
             chain.append(p)
         chains.append(chain[:-1])

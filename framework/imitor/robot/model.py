@@ -27,6 +27,7 @@ with warnings.catch_warnings():
 BASE_NQ: Final = 7
 BASE_NV: Final = 6
 DEFAULT_SPEED: Final = 10.0  # [rad/s], where neither model nor card says
+_IDENTITY: Final = np.eye(4)
 V = TypeVar("V")
 
 
@@ -61,8 +62,8 @@ class RobotModel:
         self.data = self.model.createData()
         self.sole = _sole_corners(card)
         self.coupling = self._coupling_matrix()
-        self.standing = self._standing_configuration()
         self._frame_views()
+        self.standing = self._standing_configuration()
         self._growth: Growth | None = None
         self.update(self.standing)
 
@@ -210,6 +211,7 @@ class RobotModel:
             role: frames[i].translation for role, i in self._role_frame.items()
         }
         self._rotation: dict[str, Array] = {role: frames[i].rotation for role, i in self._role_frame.items()}
+        self._feet = [(self._rotation[f"{side}_foot"], self._position[f"{side}_foot"]) for side in SIDES]
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
         self.jacobian: Array = self.data.J
@@ -282,7 +284,7 @@ class RobotModel:
 
     def pose(self, role: str) -> Array:
         """Return a copy of a role's pose, world from role, shape (4, 4)."""
-        T = np.eye(4)
+        T = _IDENTITY.copy()
         T[:3, :3], T[:3, 3] = self.rotation(role), self.position(role)
         return T
 
@@ -294,11 +296,9 @@ class RobotModel:
     def sole_corners(self) -> Array:
         """Return the sole corners in world at the last `update`, shape (2, K, 3) [m]."""
         out = np.empty_like(self.sole)
-        for i, side in enumerate(SIDES):
-            fid = self._role_frame[f"{side}_foot"]
-            pin.updateFramePlacement(self.model, self.data, fid)
-            M = self.data.oMf[fid]
-            out[i] = self.sole[i] @ M.rotation.T + M.translation
+        for corners, sole, (R, p) in zip(out, self.sole, self._feet, strict=True):
+            np.dot(sole, R.T, out=corners)
+            np.add(corners, p, out=corners)
         return out
 
     @property
