@@ -90,7 +90,9 @@ def check_stands(pipeline: Pipeline, done: Played) -> None:
     stands = done.contact & (np.abs(done.sole[..., 2]).max(axis=2) < TOUCH_M)  # and is not just coming down
     standing = stands[1:] & stands[:-1]
     slid = np.linalg.norm(np.diff(done.sole.mean(axis=2)[..., :2], axis=0), axis=2) * RATE_HZ
-    assert slid[standing].max(initial=0.0) < 0.5  # slide_m_s, and feet that part because their ankles would touch
+    assert (
+        slid[standing].max(initial=0.0) < 0.5
+    )  # slide_m_s, and feet that part because their ankles would touch
 
 
 def human(scenario: str) -> list[HumanFrame]:

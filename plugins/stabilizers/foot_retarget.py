@@ -94,9 +94,7 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
         if not any(wanted):  # nothing to stand on: as if on both
             wanted = [True, True]
         for i, on in enumerate(wanted):
-            self._down[i] = (
-                min(self._down[i] + self._rate, 1.0) if on else max(self._down[i] - self._rate, 0.0)
-            )
+            self._down[i] = _full(self._down[i] + self._rate) if on else max(self._down[i] - self._rate, 0.0)
         before = self.robot.standing if state.sent is None else state.sent
         self._last = self._stance.at(self._twin, before)
         com, places = self.robot.com, [p.copy() for p in self._places]
@@ -228,6 +226,11 @@ class FootRetarget(Stabilizer[FootRetargetConfig]):
             sole.target[:] = turn
             sole.mask[:] = _FREE_HEADING
             sole.active[0] = True
+
+
+def _full(share: float) -> float:
+    """Return a share, 1 where only rounding is missing: a foot does not land a frame late for it."""
+    return share if share < 1.0 - 1e-9 else 1.0
 
 
 @hookimpl
