@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from imitor.errors import ImitorError
 from imitor.ik.anchored import AnchoredRows
-from imitor.ik.limbs import CHAINS, DampedStep, LimitWeights, chain_joints
+from imitor.ik.limbs import CHAINS, DampedStep, LimitWeights, Progress, chain_joints
 from imitor.plugins.solvers.damped_least_squares import DampedLeastSquares, DampedLeastSquaresConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskKind, TaskStack
@@ -288,3 +288,17 @@ def test_a_task_of_another_kind_is_refused(robot: RobotModel) -> None:
     solver = DampedLeastSquares(DampedLeastSquaresConfig(order=[["com"]]), make_context(robot))
     with pytest.raises(ImitorError, match="'com' is a com task; it serves position, orientation"):
         solver.prepare(stack)
+
+
+def iterations(errors: list[float]) -> int:
+    """Return after how many iterations a course of errors, of which 1 is allowed, ends."""
+    progress = Progress(0.004, 0.98, 5)
+    return next((i for i, e in enumerate(errors) if progress.ends(np.array([e]))), len(errors))
+
+
+def test_iterations_end_within_the_tolerance_or_where_they_bring_nothing() -> None:
+    assert iterations([9.0, 3.0, 0.9, 0.3]) == 2  # within
+    assert iterations([9.0, 3.0, 2.999, 2.998]) == 2  # hardly falls
+    assert iterations([9.0 * 0.95**k for k in range(20)]) == 20  # slow, but it goes on
+    assert iterations([9.0, *(9.0 + 0.1 * k for k in range(1, 20))]) == 5  # rises
+    assert iterations([43.0, 19.0, 40.0, 25.0, 18.0, 5.0, 0.5]) == 6  # comes back in time

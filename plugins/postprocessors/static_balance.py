@@ -55,6 +55,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
 
         robot = self.robot
         self._stance, self._twin = Stance, robot.twin()
+        self._twin_feet: list[Array] = [self._twin.position(f"{side}_foot") for side in SIDES]
         self._legs = Legs(robot, self.config.margin_m, self.config.com_tolerance_m or 0.0)
         self._feet: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._fast = robot.speed * self.dt_s
@@ -72,8 +73,8 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         if anchor < 0 or not stack.contact[anchor]:
             return
         q, contact, last = state.q, stack.contact, state.sent
-        stood, before = self._stood(anchor, contact, last)
         places = [p[:2].copy() for p in self._feet]
+        before = places if last is None else self._places_at(last)
         for i in range(2):
             length = dist(places[i], before[i])
             if contact[i] and length > self._slide:
@@ -83,6 +84,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         if self._within(q, bounds) and legs.stands(contact, places) and legs.near(com):
             return
         self.changed += 1
+        stood = self._stood(anchor, contact, last)
         wanted = q.copy()
         for share in _SHARES if last is not None else (1.0,):
             if last is not None:
@@ -120,14 +122,18 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
             return low, high
         return np.maximum(low, last[7:] - self._fast), np.minimum(high, last[7:] + self._fast)
 
-    def _stood(self, anchor: int, contact: BoolArray, last: Array | None) -> tuple[BoolArray, list[Array]]:
-        """Return which feet in contact were down at the last command, and where on the floor feet were (2,) [m]."""
+    def _places_at(self, last: Array) -> list[Array]:
+        """Return where on the floor the feet were at the last command, shape (2,) each [m]."""
+        self._twin.update(last)
+        return [p[:2].copy() for p in self._twin_feet]
+
+    def _stood(self, anchor: int, contact: BoolArray, last: Array | None) -> BoolArray:
+        """Return which feet in contact were down at the last command, shape (2,)."""
         if last is None:
-            return contact, [p[:2].copy() for p in self._feet]
-        stance = self._stance.at(self._twin, last)
-        stood = contact & np.array(stance.down)
+            return contact
+        stood: BoolArray = contact & np.array(self._stance.at(self._twin, last).down)
         stood[anchor] = True
-        return stood, [T[:2, 3] for T in stance.feet]
+        return stood
 
     @staticmethod
     def _within(q: Array, bounds: tuple[Array, Array]) -> bool:

@@ -23,9 +23,9 @@ def convex_hull(points: Sequence[Point]) -> list[Point]:
         chain: list[Point] = []
         for p in sequence:
             x, y = p
-            while len(chain) > 1:  # the turn is written out: this is the inner loop of every balance
+            while len(chain) > 1:
                 (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:
+                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0.0:  # turns left
                     break
                 chain.pop()
             chain.append(p)
@@ -46,9 +46,14 @@ def margin(point: Point, hull: Sequence[Point]) -> float:
         return -math.dist(point, hull[0])
     inside = len(hull) > 2
     nearest = math.inf
-    for a, b in zip(hull, [*hull[1:], hull[0]], strict=True):
-        inside = inside and _turn(a, b, point) >= 0.0
-        nearest = min(nearest, _distance(point, a, b))
+    x, y = point
+    ax, ay = hull[-1]
+    for bx, by in hull:
+        dx, dy, px, py = bx - ax, by - ay, x - ax, y - ay
+        inside = inside and dx * py - dy * px >= 0.0
+        share = min(max((px * dx + py * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+        nearest = min(nearest, math.hypot(px - share * dx, py - share * dy))
+        ax, ay = bx, by
     return nearest if inside else -nearest
 
 
@@ -58,16 +63,3 @@ def margins(points: Array, hulls: Sequence[Sequence[Point]]) -> list[float]:
         margin((x, y), hull) if hull else math.nan
         for (x, y), hull in zip(points.tolist(), hulls, strict=True)
     ]
-
-
-def _turn(a: Point, b: Point, c: Point) -> float:
-    """Return twice the area of the triangle a b c, positive where it turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _distance(p: Point, a: Point, b: Point) -> float:
-    """Return the distance of a point to the segment a b."""
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    share = ((p[0] - a[0]) * dx + (p[1] - a[1]) * dy) / (dx * dx + dy * dy)
-    share = min(max(share, 0.0), 1.0)
-    return math.hypot(p[0] - a[0] - share * dx, p[1] - a[1] - share * dy)

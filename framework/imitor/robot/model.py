@@ -211,7 +211,7 @@ class RobotModel:
             role: frames[i].translation for role, i in self._role_frame.items()
         }
         self._rotation: dict[str, Array] = {role: frames[i].rotation for role, i in self._role_frame.items()}
-        self._feet = [(self._rotation[f"{side}_foot"], self._position[f"{side}_foot"]) for side in SIDES]
+        self._feet = [(self._rotation[f"{side}_foot"].T, self._position[f"{side}_foot"]) for side in SIDES]
         self.com: Array = self.data.com[0]
         self.com_jacobian: Array = self.data.Jcom
         self.jacobian: Array = self.data.J
@@ -296,8 +296,8 @@ class RobotModel:
     def sole_corners(self) -> Array:
         """Return the sole corners in world at the last `update`, shape (2, K, 3) [m]."""
         out = np.empty_like(self.sole)
-        for corners, sole, (R, p) in zip(out, self.sole, self._feet, strict=True):
-            np.dot(sole, R.T, out=corners)
+        for corners, sole, (R_T, p) in zip(out, self.sole, self._feet, strict=True):
+            np.dot(sole, R_T, out=corners)
             np.add(corners, p, out=corners)
         return out
 
