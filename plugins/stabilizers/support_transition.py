@@ -51,7 +51,7 @@ class SupportTransitionConfig(Config):
         0.02, ge=0, description="Least height of a free sole's lowest corner over the floor [m]."
     )
     patience_s: float = Field(
-        3.0,
+        1.0,
         ge=0,
         description="How long a foot tries to get over its landing place before it goes straight down [s].",
     )
