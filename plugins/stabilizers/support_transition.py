@@ -59,7 +59,7 @@ class SupportTransitionConfig(Config):
         ["left_hand", "right_hand", "head"], description="Tasks that are free during transitions [-]."
     )
     blend_s: float = Field(
-        0.5, gt=0, description="Time in which the free ends come back after a transition [s]."
+        1.0, gt=0, description="Time in which the free ends come back after a transition [s]."
     )
     free_yaw: bool | None = Field(
         None,
@@ -136,7 +136,8 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         self.machine.reset()
         self._human.reset()
         self._started = False
-        self._ends_gain = 1.0
+        self._back = 1.0
+        self._astray: dict[str, Array] = {}
         self.place: list[Array] = [np.eye(4), np.eye(4)]
         self.landing: Array = np.zeros(2)
 
@@ -294,13 +295,21 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         return min(heights)
 
     def _write_ends(self, stack: TaskStack, tracked: bool) -> None:
-        """Free the hands in transitions; afterwards their gain rises from 0, so that they do not rush back."""
-        self._ends_gain = min(self._ends_gain + self.dt_s / self.config.blend_s, 1.0) if tracked else 0.0
+        """Free the hands in transitions; afterwards they come back from where they are, within `blend_s`."""
+        returned = tracked and self._back == 0.0
+        self._back = min(self._back + self.dt_s / self.config.blend_s, 1.0) if tracked else 0.0
+        rest = (1.0 - self._back) ** 2 * (1.0 + 2.0 * self._back)
         for name in self.config.ends:
-            if name in stack:
-                task = stack[name]
-                task.active[0] = tracked
-                task.gain[0] = self._ends_gain
+            if name not in stack:
+                continue
+            task = stack[name]
+            task.active[0] = tracked
+            if task.kind is not TaskKind.POSITION or task.relative_to or not tracked:
+                continue
+            if returned:
+                self._astray[name] = self.robot.position(task.frame) - task.target
+            if rest > 0.0 and name in self._astray:
+                task.target += rest * self._astray[name]
 
 
 @hookimpl
