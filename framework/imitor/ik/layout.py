@@ -65,6 +65,7 @@ class Layout:
     mask: Array
     translations: list[Part] = field(default_factory=list)
     rotations: list[Part] = field(default_factory=list)
+    vectors: list[Part] = field(default_factory=list)
     com: Part | None = None
     world_rows: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     world_frame: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
@@ -119,6 +120,7 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
     weight: list[float] = []
     translations: list[Part] = []
     rotations: list[Part] = []
+    vectors: list[Part] = []
     com: Part | None = None
     chosen: list[tuple[Entry, int]] = []  # directions and their first rows
     for entry in entries:
@@ -129,6 +131,10 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
             if task.mask[0]:
                 mask += [masks[entry.frame] - held] * 2
                 chosen.append((entry, at))
+        elif task.kind is TaskKind.VECTOR:
+            if task.mask[0]:
+                mask += [masks[entry.frame] - held] * 2
+                vectors.append(Part(task, at + np.arange(2), np.arange(2), entry.frame, WORLD))
         elif task.kind is TaskKind.COM:
             axes = np.flatnonzero(task.mask)
             mask += [-held] * len(axes)
@@ -169,6 +175,7 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
         mask=np.array(mask).reshape(m, n),
         translations=translations,
         rotations=rotations,
+        vectors=vectors,
         com=com,
         world_rows=np.concatenate([none, *[p.rows for p in world]]),
         world_frame=np.concatenate([none, *[np.full(p.rows.size, p.frame) for p in world]]),
