@@ -48,6 +48,7 @@ class Layout:
         n: Number of columns; ``first`` of them are those of a free base (6, or 0 with an anchor).
         J, e: Jacobian (m, n) and error (m,).
         starts: First row of each level.
+        level: Level of each row in the solver's order (m,).
         first_level: Whether rows of the order's first level are among them.
         root_weight: Root of each row's weight (m,), or ``None`` when all are 1.
         W: Wrench of each row about the world's origin, (m, 6).
@@ -59,6 +60,7 @@ class Layout:
     J: Array
     e: Array
     starts: list[int]
+    level: IntArray
     first_level: bool
     root_weight: Array | None
     W: Array
@@ -169,6 +171,7 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
         J=np.zeros((m, n)),
         e=np.zeros(m),
         starts=[i for i in range(m) if i == 0 or level[i] != level[i - 1]],
+        level=np.array(level, dtype=int),
         first_level=bool(level) and level[0] == 0,
         root_weight=None if all(w == 1.0 for w in weight) else np.sqrt(weight),
         W=W,

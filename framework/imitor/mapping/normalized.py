@@ -27,6 +27,10 @@ _FADE_S = 0.4
 _BENT = 0.17
 """Sine of the elbow's angle from which on the plane of the arm is taken as it is seen [-]."""
 
+_FREE, _REACH = 0.85, 0.97
+"""Up to which share of the arm's length a wrist is where the human's is, and how far it goes at most [-]: a straight arm
+could only follow with the whole trunk."""
+
 
 @dataclass
 class ArmPlane:
@@ -104,7 +108,8 @@ class NormalizedBody:
         self._torso_offset = shoulder - hip - lengths["torso"] * rest.torso
         self._head_offset = head - shoulder - lengths.get("head", 0.0) * rest.head
         self._wrist_turn = _wrist_turns(robot)
-        self._place = {name: POINTS.index(name) for name in ("head", "mid_shoulder", "left_wrist", "right_wrist")}
+        self._place = {name: i for i, name in enumerate(POINTS)}
+        self._arm_length = [lengths[f"{s}_upper_arm"] + lengths[f"{s}_forearm"] for s in SIDES]
         index = self.body.segments.index
         self._torso, self._hips, self._shoulders = index("torso"), index("hips"), index("shoulders")
         self._arm = [(index(f"{s}_upper_arm"), index(f"{s}_forearm")) for s in SIDES]
@@ -164,7 +169,9 @@ class NormalizedBody:
             upper, forearm = self._arm[i]
             axes = self._arms[i].step(direction[upper], direction[forearm])
             self.wrist[i, :3, :3] = axes @ self._wrist_turn[i]
-            self.wrist[i, :3, 3] = lifted + relative[self._place[f"{side}_wrist"]]
+            shoulder = relative[self._place[f"{side}_shoulder"]]
+            way = _within(relative[self._place[f"{side}_wrist"]] - shoulder, self._arm_length[i])
+            self.wrist[i, :3, 3] = lifted + shoulder + way
 
     def _place_hips(
         self, frame: HumanFrame, support: Support | None, ankles: tuple[Array, Array], contact: Array
@@ -224,6 +231,16 @@ def _steep(d: Array) -> Array:
     length = float(np.linalg.norm(d))
     up = np.array([0.0, 0.0, 1.0])
     return d / length if np.isfinite(length) and length > 1e-6 and d[2] > 0.7 * length else up
+
+
+def _within(way: Array, length: float) -> Array:
+    """Return the way from shoulder to wrist, drawn in smoothly where the arm is nearly straight, shape (3,) [m]."""
+    reach = float(np.sqrt(way @ way))
+    free, most = _FREE * length, _REACH * length
+    if reach <= free:
+        return way
+    room = most - free
+    return way * ((free + room * (1.0 - exp((free - reach) / room))) / reach)
 
 
 def _wrist_turns(robot: RobotModel) -> Array:
