@@ -27,6 +27,8 @@ _FADE_S = 0.4
 _BENT = 0.17
 """Sine of the elbow's angle from which on the plane of the arm is taken as it is seen [-]."""
 
+_KNEES = 0.96
+"""Largest share of the leg's length for an upright human [-]: robots that stand with straight knees need room, too."""
 _FREE, _REACH = 0.85, 0.97
 """Up to which share of the arm's length a wrist is where the human's is, and how far it goes at most [-]: a straight arm
 could only follow with the whole trunk."""
@@ -100,11 +102,12 @@ class NormalizedBody:
         hip, shoulder = (0.5 * (at[f"left_{r}"] + at[f"right_{r}"]) for r in ("hip", "shoulder"))
         ankle = 0.5 * (at["left_ankle"] + at["right_ankle"])
         legs = [lengths[f"{s}_{part}"] for s in SIDES for part in ("thigh", "shank")]
-        stand = [float(np.linalg.norm(at[f"{s}_hip"] - at[f"{s}_ankle"])) for s in SIDES]
-        self.body = ScaledBody(robot, skeleton, dt_s, leg_share=sum(stand) / sum(legs))
+        stand = sum(float(np.linalg.norm(at[f"{s}_hip"] - at[f"{s}_ankle"])) for s in SIDES)
+        share = min(stand / sum(legs), _KNEES)
+        self.body = ScaledBody(robot, skeleton, dt_s, leg_share=share)
         rest = _Rest(skeleton)
         head = at.get("head", shoulder)
-        self._over_feet = hip - ankle - rest.hips(sum(stand) / 2)
+        self._over_feet = hip - ankle - rest.hips(0.5 * stand)
         self._torso_offset = shoulder - hip - lengths["torso"] * rest.torso
         self._head_offset = head - shoulder - lengths.get("head", 0.0) * rest.head
         self._wrist_turn = _wrist_turns(robot)

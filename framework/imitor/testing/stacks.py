@@ -22,6 +22,7 @@ CANONICAL: Final[dict[str, TaskKind]] = {
     **dict.fromkeys(("left_hand", "right_hand", "head"), K.POSITION),
     **dict.fromkeys(("waist", "chest"), K.ORIENTATION),
     **dict.fromkeys(SEGMENTS, K.DIRECTION),
+    "waist_vector": K.VECTOR,
     **_WHOLE_BODY,
 }
 """The kinds that canonical tasks usually have."""
@@ -32,7 +33,7 @@ def declare_canonical(stack: TaskStack, robot: RobotModel, leave_out: Collection
     for name, kind in CANONICAL.items():
         if name in leave_out:
             continue
-        proximal, distal = SEGMENTS.get(name, ("", "" if name in _WHOLE_BODY else name))
+        proximal, distal = SEGMENTS.get(name, ("", "" if name in _WHOLE_BODY else name.removesuffix("_vector")))
         if robot.has(*(r for r in (proximal, distal) if r)):
             stack.declare(name, kind, frame=distal, relative_to=proximal)
 
