@@ -56,6 +56,9 @@ class ComAnticipationConfig(Config):
     clearance_m: float = Field(
         0.02, ge=0, description="Least height of a free sole's lowest corner over the floor [m]."
     )
+    apart_m: float = Field(
+        0.03, ge=0, description="Least gap sideways between a free sole and the one that stands [m]."
+    )
     foot_speed_m_s: float = Field(0.4, gt=0, description="Largest speed of a free foot's target [m/s].")
     foot_acceleration_m_s2: float = Field(
         1.5, gt=0, description="Largest acceleration of a free foot's target [m/s^2]."
@@ -128,6 +131,11 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
             config.foot_speed_m_s, config.foot_acceleration_m_s2, config.patience_s, self.dt_s
         )
         self._feet = [FootTasks(robot, i) for i in range(2)]
+        left, right = self._feet
+        self._least_between = float(
+            (left.sole_to_ankle[1] - left.corners[:, 1].min())
+            + (right.corners[:, 1].max() - right.sole_to_ankle[1])
+        )
         self._gain = config.alpha / config.step_s
         self._smooth = exp(-self.dt_s / config.velocity_s) if config.velocity_s > 0 else 0.0
         self._return = 1.0 - exp(-self.dt_s / config.return_s)
@@ -264,7 +272,7 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
         foot, swing, step = self._feet[i], self._swing, self.machine.step
         ground = float(foot.sole_to_ankle[2])
         if step is self._steps.SINGLE:
-            wish = foot.wished_ankle(stack)
+            wish = self._beside(foot.wished_ankle(stack), i)
             lowest = foot.over_floor(self.config.clearance_m)
             wish[2] = max(float(wish[2]), lowest)
             foot.swing(stack, swing.follow(wish, lowest))
@@ -285,6 +293,13 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
         pose[:3, :3] = turn @ pose[:3, :3]
         pose[:3, 3] = ankle - pose[:3, :3] @ foot.sole_to_ankle
         foot.stand(stack, pose, free_yaw=self._free_yaw)
+
+    def _beside(self, ankle: Array, i: int) -> Array:
+        """Move a free foot's ankle, shape (3,) [m], outward until its sole is beside the one that stands."""
+        outward = (1.0 - 2.0 * i) * self.place[1 - i][:2, 1]
+        between = float((ankle - self._ankle_on_floor(1 - i))[:2] @ outward)
+        ankle[:2] += max(self._least_between + self.config.apart_m - between, 0.0) * outward
+        return ankle
 
     def _turn_freely(self, i: int) -> None:
         """Take the heading of a foot as it is, where headings are free."""
