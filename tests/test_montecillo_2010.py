@@ -42,9 +42,7 @@ def deviations(*sets: str) -> dict[str, np.ndarray]:
         row = [np.linalg.norm((robot.com - stack["com"].target)[:2])]
         row.append(np.linalg.norm(robot.position("head") - stack["head"].target))
         for side in SIDES:
-            row.append(
-                np.linalg.norm(robot.position(f"{side}_wrist") - stack[f"{side}_wrist"].target[:3, 3])
-            )
+            row.append(np.linalg.norm(robot.position(f"{side}_wrist") - stack[f"{side}_wrist"].target[:3, 3]))
         rows.append(row)
     return dict(zip(("com", "head", "left_wrist", "right_wrist"), np.array(rows).T, strict=True))
 

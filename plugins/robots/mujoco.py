@@ -81,6 +81,9 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
     name = "mujoco"
 
+    trace: Trace
+    """What happened in physics frame by frame; set by `finish`."""
+
     def open(self, run: RunInfo) -> None:
         """Build the simulated robot before the first frame.
 
@@ -115,7 +118,7 @@ class Mujoco(RecordedSink[MujocoConfig]):
         """Simulate, measure, and write what is asked for."""
         from imitor.simulation.verdict import figures
 
-        trace = self._play()
+        trace = self.trace = self._play()
         verdict = figures(trace, self._body)
         if self.run.environment:
             verdict["notes"].append("the objects of `environment` are not simulated")

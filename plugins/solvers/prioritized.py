@@ -65,7 +65,9 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
         damping2 = (config.error_damping * np.add.reduceat(e * e, starts) + calm).tolist() if layout.m else []
         if damping2 and layout.first_level:
             damping2[0] -= calm
-        floor2 = self._floor2[np.minimum(layout.level, self._floor2.size - 1)] if self._by_level else self._floor
+        floor2 = (
+            self._floor2[np.minimum(layout.level, self._floor2.size - 1)] if self._by_level else self._floor
+        )
         step, _ = self._clamped_step(
             J, e, g, starts, damping2, floor2, limits, speeds, layout.first, config.max_step_rad
         )

@@ -23,13 +23,19 @@ class ComAnticipationConfig(Config):
     """Options of the CoM anticipation."""
 
     alpha: float = Field(
-        0.12, ge=0, description="alpha of eq. 7: how far the CoM goes in a step of `step_s` per head speed [s]."
+        0.12,
+        ge=0,
+        description="alpha of eq. 7: how far the CoM goes in a step of `step_s` per head speed [s].",
     )
     beta: float = Field(
-        0.01, ge=0, description="beta of eq. 7: how far the CoM goes ahead of the support foot per head speed [s]."
+        0.01,
+        ge=0,
+        description="beta of eq. 7: how far the CoM goes ahead of the support foot per head speed [s].",
     )
     step_s: float = Field(
-        0.1, gt=0, description="Length of the step that alpha belongs to; the rate of the run does not matter [s]."
+        0.1,
+        gt=0,
+        description="Length of the step that alpha belongs to; the rate of the run does not matter [s].",
     )
     return_s: float = Field(
         1.0,
@@ -121,7 +127,12 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
 
         config, robot = self.config, self.robot
         self._yaw, self._heading_of, self._tilt = yaw, heading_of, tilt_left
-        self._footprint, self._margin, self._inside, self._floor = footprint, margin, moved_inside, floor_point
+        self._footprint, self._margin, self._inside, self._floor = (
+            footprint,
+            margin,
+            moved_inside,
+            floor_point,
+        )
         self._steps, self.machine = Step, TransitionMachine()
         self._free_yaw = robot.coupling is not None
         self.region = landing_region(robot, free_yaw=self._free_yaw)

@@ -23,7 +23,14 @@ from imitor.ik.vectors import cross, skew, tangent_basis
 from imitor.robot.model import BASE_NV, RobotModel
 from imitor.tasks import TaskKind, TaskStack
 
-SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.VECTOR, TaskKind.POSE, TaskKind.COM)
+SERVED = (
+    TaskKind.POSITION,
+    TaskKind.ORIENTATION,
+    TaskKind.DIRECTION,
+    TaskKind.VECTOR,
+    TaskKind.POSE,
+    TaskKind.COM,
+)
 _EYE = np.eye(3)
 
 

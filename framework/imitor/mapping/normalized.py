@@ -29,6 +29,8 @@ _BENT = 0.17
 
 _KNEES = 0.96
 """Largest share of the leg's length for an upright human [-]: robots that stand with straight knees need room, too."""
+_LEAN = 0.3
+"""How far beyond the feet the hips go at most, as a share of the leg's length [-]."""
 _FREE, _REACH = 0.85, 0.97
 """Up to which share of the arm's length a wrist is where the human's is, and how far it goes at most [-]: a straight arm
 could only follow with the whole trunk."""
@@ -200,11 +202,23 @@ class NormalizedBody:
         before = self.mid_hip
         self._shift = self._shift * self._fade
         human = self.body.mid_hip - 0.5 * (self._human_foot[0] + self._human_foot[1])
-        place = 0.5 * (self._robot_foot[0] + self._robot_foot[1]) + self.body.leg_ratio * human
+        place = self._middle_of_feet() + self._near_feet(self.body.leg_ratio * human)
         place = place + upright(self._points["waist"]) @ self._over_feet
         if landed:
             self._shift = before - place
         self.mid_hip = place + self._shift
+
+    def _middle_of_feet(self) -> Array:
+        return np.asarray(0.5 * (self._robot_foot[0] + self._robot_foot[1]))
+
+    def _near_feet(self, over: Array) -> Array:
+        """Keep the hips in reach of feet that the robot has not set down yet after the human's, shape (3,) [m]."""
+        apart = self._robot_foot[0] - self._robot_foot[1]
+        most = 0.5 * float(np.sqrt(apart @ apart)) + _LEAN * self.body.standing_leg
+        aside = float(np.hypot(over[0], over[1]))
+        if aside > most:
+            over = over * np.array([most / aside, most / aside, 1.0])
+        return over
 
     def _standing_over(self) -> Array:
         """Where the hips are over the ankles before the human was seen, shape (3,) [m]."""

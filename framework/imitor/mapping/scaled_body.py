@@ -57,9 +57,7 @@ class ScaledBody:
         legs_known: Whether both legs have been seen since the start.
     """
 
-    def __init__(
-        self, robot: RobotModel, skeleton: Skeleton, dt_s: float, leg_share: float = 1.0
-    ) -> None:
+    def __init__(self, robot: RobotModel, skeleton: Skeleton, dt_s: float, leg_share: float = 1.0) -> None:
         missing = [r for r in _NEEDED if r not in skeleton.roles]
         if missing:
             raise SourceError(

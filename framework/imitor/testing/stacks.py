@@ -33,7 +33,9 @@ def declare_canonical(stack: TaskStack, robot: RobotModel, leave_out: Collection
     for name, kind in CANONICAL.items():
         if name in leave_out:
             continue
-        proximal, distal = SEGMENTS.get(name, ("", "" if name in _WHOLE_BODY else name.removesuffix("_vector")))
+        proximal, distal = SEGMENTS.get(
+            name, ("", "" if name in _WHOLE_BODY else name.removesuffix("_vector"))
+        )
         if robot.has(*(r for r in (proximal, distal) if r)):
             stack.declare(name, kind, frame=distal, relative_to=proximal)
 
