@@ -6,7 +6,8 @@ Writes tables and figures into ``docs/presets/montecillo_2010.md``; with --quick
 prints the tables and writes nothing unless --docs names a folder.
 
 Errors are those of table 1: the root mean square over time of each axis, and its mean over the axes. The ZMP is that of
-the cart-table model on the robot's CoM, and the centre of pressure of the same motion executed in physics. Times are
+the cart-table model on the robot's CoM, that of the whole body's momentum (an arm that is moved quickly turns the body
+though the CoM stays), and the centre of pressure of the same motion executed in physics. Times are
 CPU times of the stages; one unit is one 30x30 SVD timed all through the same run.
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +24,19 @@ from experiment import Case, Played, number
 from page import figure, image, run_tables, strips, table
 from program import Program
 from supports import executed
+from zmp import physics_zmp, whole_body_zmp
 
 from imitor.kinds import Record
 from imitor.metrics.balance import cart_table_zmp
 from imitor.metrics.polygon import convex_hull, margins
 from imitor.pipeline import Pipeline
+from imitor.simulation.verdict import EDGE_M
 from imitor.types import SIDES, Array
 from imitor.visual.panels import BLUE, GREEN, GREY, INK, RED, Line, Panel, mixed
 
 PRESET = "montecillo_2010"
 PROGRAM = f"benchmarks/papers/{PRESET}.py"
+WAYS = ("cart-table", "whole body", "physics")
 PARTS = ("head", "chest", "waist")
 SETTLED_S = 2.0
 """The robot goes to the human's first pose in this time: it counts for nothing [s]."""
@@ -110,7 +115,7 @@ def errors(p: Played, name: str) -> Array:
     if name == "CoM":
         return np.asarray((p.run.path.com - p.reference.target["com"])[rows, :2])
     if name.endswith("wrist"):
-        side = name.split()[0]
+        side = name.removesuffix(" wrist")
         asked = p.observed[:, 3 + 16 * SIDES.index(side) :][:, :16].reshape(-1, 4, 4)
         return np.asarray((p.frame(f"{side}_wrist")[:, :3, 3] - asked[:, :3, 3])[rows])
     if name == "head position":
@@ -129,19 +134,17 @@ class Stroke:
     """The ZMP in one run of the moving hand.
 
     Attributes:
-        human_m_s, robot_m_s: Greatest speed of the human's and of the robot's hand [m/s].
-        cart, physics: Lowest and highest ZMP by axis, shape (2, 2) [m]; NaN where physics was not asked.
+        human_m_s, robot_m_s: Greatest speed of the human's and of the robot's wrist [m/s].
+        range_m: Lowest and highest ZMP by axis, shape (2, 2) [m], by each of `WAYS`; NaN where physics was not asked.
+        margin_m: Least margin of the ZMP in the polygon, by each of `WAYS` [m].
         polygon: Lowest and highest corner of the support polygon by axis, shape (2, 2) [m].
-        cart_margin, physics_margin: Least margin of the ZMP in the polygon [m].
     """
 
     human_m_s: float
     robot_m_s: float
-    cart: Array
-    physics: Array
+    range_m: dict[str, Array]
+    margin_m: dict[str, float]
     polygon: Array
-    cart_margin: float
-    physics_margin: float
 
 
 def stroke(p: Played) -> Stroke:
@@ -149,22 +152,26 @@ def stroke(p: Played) -> Stroke:
     rows = (p.time_s > SETTLED_S + STROKES_S[0]) & (p.time_s < SETTLED_S + STROKES_S[1])
     soles = p.run.path.sole[rows][0].reshape(-1, 3)[:, :2]
     hull = convex_hull([(float(x), float(y)) for x, y in soles])
-    cart, known = cart_table_zmp(p.run.path.com, p.run.period_s)
-    physics = p.trace.zmp if p.trace is not None else np.full_like(cart, np.nan)
-    found = []
-    for zmp in (cart[rows & known], physics[rows[: len(physics)]]):
-        zmp = zmp[np.isfinite(zmp).all(axis=1)]
-        if not len(zmp):
-            found.append((np.full((2, 2), np.nan), float("nan")))
+    physics, edge = physics_zmp(p)
+    found = {
+        "cart-table": cart_table_zmp(p.run.path.com, p.run.period_s)[0],
+        "whole body": whole_body_zmp(p),
+        "physics": physics,
+    }
+    ranges, least = {}, {}
+    for way, zmp in found.items():
+        used = rows & np.isfinite(zmp).all(axis=1)
+        seen = zmp[used]
+        if not len(seen):
+            ranges[way], least[way] = np.full((2, 2), np.nan), float("nan")
             continue
-        found.append(
-            (np.array([zmp.min(axis=0), zmp.max(axis=0)]), float(min(margins(zmp, [hull] * len(zmp)))))
-        )
-    (a, b), (c, d) = found
+        ranges[way] = np.array([seen.min(axis=0), seen.max(axis=0)])
+        inside = edge[used] if way == "physics" else np.array(margins(seen, [hull] * len(seen)))
+        least[way] = float(inside.min())
+    wrists = (p.reference.role("right_wrist"), p.frame("right_wrist")[:, :3, 3])
+    speeds = [np.linalg.norm(np.gradient(w, p.run.period_s, axis=0), axis=1)[rows] for w in wrists]
     polygon = np.array([soles.min(axis=0), soles.max(axis=0)])
-    hands = (p.reference.role("right_hand"), p.frame("right_hand")[:, :3, 3])
-    speeds = [np.linalg.norm(np.gradient(h, p.run.period_s, axis=0), axis=1)[rows] for h in hands]
-    return Stroke(float(speeds[0].max()), float(speeds[1].max()), a, c, polygon, b, d)
+    return Stroke(float(speeds[0].max()), float(speeds[1].max()), ranges, least, polygon)
 
 
 def strokes(played: Sequence[Played]) -> list[Stroke]:
@@ -172,13 +179,14 @@ def strokes(played: Sequence[Played]) -> list[Stroke]:
     return sorted((stroke(p) for p in played if p.case.scenario == "hand_updown"), key=lambda s: s.human_m_s)
 
 
-def unstable_from(found: Sequence[Stroke], which: str) -> float:
-    """Return the hand speed at which the ZMP reaches the edge, between two runs; NaN if in none [m/s]."""
-    edge = (
-        0.0 if which == "cart_margin" else 1e-3
-    )  # a centre of pressure cannot leave the polygon: it rests on its edge
-    for a, b in zip(found, found[1:], strict=False):
-        low, high = getattr(a, which) - edge, getattr(b, which) - edge
+def unstable_from(found: Sequence[Stroke], way: str) -> float:
+    """Return the hand speed at which the ZMP reaches the edge, between two runs; NaN if in none [m/s].
+
+    In physics the centre of pressure cannot leave the polygon: nearer than `EDGE_M` to its edge the robot tips.
+    """
+    edge = EDGE_M if way == "physics" else 0.0
+    for a, b in pairwise(found):
+        low, high = a.margin_m[way] - edge, b.margin_m[way] - edge
         if low > 0.0 >= high:
             return a.human_m_s + (b.human_m_s - a.human_m_s) * low / (low - high)
     return float("nan")
@@ -277,23 +285,18 @@ def said(played: Sequence[Played]) -> str:
             )  # fmt: skip
     found = strokes(played)
     if len(found) > 1:
-        cart, physics = unstable_from(found, "cart_margin"), unstable_from(found, "physics_margin")
-        told = [
-            f"{number(v)} m/s" if np.isfinite(v) else f"not up to {number(found[-1].human_m_s)} m/s"
-            for v in (cart, physics)
-        ]
-        rows.append(
-            [
-                "hand speed at which the robot becomes unstable",
-                "1 m/s",
-                f"{told[0]} by cart-table, {told[1]} in physics",
-                "--quick",
-            ]
-        )
+        told = []
+        for way in WAYS:
+            v = unstable_from(found, way)
+            known = np.isfinite(found[0].margin_m[way])
+            text = f"{number(v)} m/s" if np.isfinite(v) else f"not up to {number(found[-1].human_m_s)} m/s"
+            told += [f"{way}: {text}"] if known else []
+        rows.append(["hand speed at which the robot becomes unstable", "1 m/s", ", ".join(told), ""])
     if not rows:
         return ""
     return table(
-        ["", "paper", "ours", "command"], [[*row[:3], f"`python {PROGRAM} {row[3]}`"] for row in rows]
+        ["", "paper", "ours", "command"],
+        [[*row[:3], f"`python {PROGRAM} {row[3]}`".replace(" `", "`")] for row in rows],
     )
 
 
@@ -302,23 +305,17 @@ def zmp_table(played: Sequence[Played]) -> str:
     found = strokes(played)
     if not found:
         return ""
-    head = [
-        "human's hand (m/s)", "robot's hand (m/s)", "ZMP x, cart-table (mm)", "in physics", "ZMP y, cart-table (mm)",
-        "in physics", "least margin, cart-table, physics (mm)",
-    ]  # fmt: skip
+    ways = [way for way in WAYS if np.isfinite(found[0].margin_m[way])]
+    head = ["human's hand (m/s)", "robot's hand (m/s)"]
+    head += [f"ZMP {axis}, {way} (mm)" for axis in "xy" for way in ways]
+    head += [f"least margin, {way} (mm)" for way in ways]
     rows = []
     for s in found:
         row = [number(s.human_m_s), number(s.robot_m_s)]
         for axis in range(2):
-            row += [
-                f"{number(1e3 * z[0, axis], 0)} to {number(1e3 * z[1, axis], 0)}"
-                if np.isfinite(z).all()
-                else "–"
-                for z in (s.cart, s.physics)
-            ]
-        row.append(
-            f"{number(1e3 * s.cart_margin, 1)}, {number(1e3 * s.physics_margin, 1) if np.isfinite(s.physics_margin) else '–'}"
-        )
+            ends = [1e3 * s.range_m[way][:, axis] for way in ways]
+            row += [f"{number(a, 0)} to {number(b, 0)}" if np.isfinite(a) else "–" for a, b in ends]
+        row += [number(1e3 * s.margin_m[way], 1) if np.isfinite(s.margin_m[way]) else "–" for way in ways]
         rows.append(row)
     x, y = (1e3 * found[0].polygon).T
     edges = f"x {number(x[0], 0)} to {number(x[1], 0)}, y {number(y[0], 0)} to {number(y[1], 0)} mm"
@@ -425,9 +422,9 @@ def zmp_panels(found: Sequence[Stroke]) -> list[Panel]:
         for end in range(2):
             edge = np.array([s.polygon[end, axis] for s in found])
             lines.append(Line(speed, edge, "" if end else "support polygon", GREY, width_px=5.0))
-            for which, label, colour in (("cart", "cart-table", BLUE), ("physics", "in physics", RED)):
-                zmp = np.array([getattr(s, which)[end, axis] for s in found])
-                lines.append(Line(speed, zmp, "" if end else label, colour, dashed=which == "physics"))
+            for way, colour in zip(WAYS, (BLUE, GREEN, RED), strict=True):
+                zmp = np.array([s.range_m[way][end, axis] for s in found])
+                lines.append(Line(speed, zmp, "" if end else way, colour, dashed=way == "physics"))
         out.append(Panel(f"ZMP, {name}", "speed of the human's hand [m/s]", f"{name[0]} [m]", lines))
     return out
 

@@ -23,8 +23,8 @@ class PrioritizedConfig(IterativeConfig):
 
     damping: Positive | Sequence[Positive] = Field(
         0.01,
-        description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones; one value, or "
-        "one a level, the last for all further ones [-].",
+        description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones; one value, "
+        "or one a level, the last for all further ones [-].",
     )
     step_damping: float = Field(
         0.05,

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
 from imitor.errors import ImitorError
-from imitor.types import SIDES, Array
+from imitor.types import Array
 
 _FLAT_M = 1.5e-3
 """A sole whose corners are all this near the floor lies on it [m]."""
@@ -82,14 +82,14 @@ class ComAnticipationConfig(Config):
 class ComAnticipation(Stabilizer[ComAnticipationConfig]):
     """Move the CoM with the head, ahead of the lift of a foot [montecillo2010] section 5, eq. 7 (M5).
 
-    In double support the CoM's target moves along the unit vector across the feet with the velocity of the model's head;
-    in single support it stays at the support foot plus beta times that velocity. It is kept between the feet or inside
-    the sole, and its speed and acceleration are limited, so that it does not jump when the support changes. A foot lifts
-    only when the robot's own CoM is over the other sole by a margin, and it comes down flat, where this robot can put it
-    flat. Feet that stand keep their places.
+    In double support the CoM's target moves along the unit vector across the feet with the velocity of the model's
+    head; in single support it stays at the support foot plus beta times that velocity. It is kept between the feet or
+    inside the sole, and its speed and acceleration are limited, so that it does not jump when the support changes. A
+    foot lifts only when the robot's own CoM is over the other sole by a margin, and it comes down flat, where this
+    robot can put it flat. Feet that stand keep their places.
 
-    The mapper is to stand on the robot's feet (`support: robot`). A human in the air, or never seen, leaves the robot on
-    the feet that it stands on; one who is quicker than the robot finds it finish each step first.
+    The mapper is to stand on the robot's feet (`support: robot`). A human in the air, or never seen, leaves the robot
+    on the feet that it stands on; one who is quicker than the robot finds it finish each step first.
     """
 
     name = "com_anticipation"

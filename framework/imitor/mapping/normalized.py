@@ -4,8 +4,8 @@ r"""The Humanoid-Normalized model: the human as positions and planes in the robo
     [P_h, V_h, N_c, V_w, P_{lh}, N_{la}, P_{rh}, N_{ra}, P_{lf}, P_{rf}]
 
 Each segment keeps the human's direction and takes the robot's length, legs the length they have when the robot stands.
-What the robot's build has beside the human's (a neck that sits further forward) is carried along as constant offsets, so
-that the human's rest pose becomes the robot's standing posture. The hips are placed over where both feet stand or last
+What the robot's build has beside the human's (a neck that sits further forward) is carried along as constant offsets,
+so that the human's rest pose becomes the robot's standing posture. The hips are placed over where both feet stand or last
 stood, in proportion to the legs.
 """
 
@@ -32,8 +32,8 @@ _KNEES = 0.96
 _LEAN = 0.3
 """How far beyond the feet the hips go at most, as a share of the leg's length [-]."""
 _FREE, _REACH = 0.85, 0.97
-"""Up to which share of the arm's length a wrist is where the human's is, and how far it goes at most [-]: a straight arm
-could only follow with the whole trunk."""
+"""Up to which share of the arm's length a wrist is where the human's is, and how far it goes at most [-]: a straight
+arm could only follow with the whole trunk."""
 
 
 @dataclass
