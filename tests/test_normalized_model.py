@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from imitor.kinds import Context
 from imitor.mapping.normalized import ArmPlane, NormalizedBody
 from imitor.plugins.mappers.normalized_model import NormalizedModel
+from imitor.plugins.mappers.segment_scaling import SegmentScalingConfig
 from imitor.plugins.sources.performer import Performer, PerformerConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskStack
@@ -38,7 +39,7 @@ def play(robot: RobotModel, scenario: str, **options: Any) -> list[dict[str, np.
 
 
 def follow(robot: RobotModel, skeleton: Skeleton, frames: list[HumanFrame]) -> list[dict[str, np.ndarray]]:
-    mapper = NormalizedModel(NormalizedModel.config_type(), Context(robot, skeleton, 1 / RATE_HZ))
+    mapper = NormalizedModel(SegmentScalingConfig(), Context(robot, skeleton, 1 / RATE_HZ))
     stack = TaskStack(robot.n)
     mapper.declare(stack)
     stack.compile()

@@ -349,7 +349,7 @@ def figures(played: Sequence[Played], docs: Path) -> list[str]:
         ]
     if (p := by_title.get("weight_shift_foot_lift")) is not None:
         out += [
-            "**Foot lift** (figure 5): sideways places of head, CoM and its target, and the height of the lifted foot.\n",
+            "**Foot lift** (figure 5): head, CoM and its target sideways, and the height of the soles.\n",
             image(docs, PRESET, "lift_poses", poses(p), "Human and robot through the foot lift"),
             figure(docs, PRESET, "lift", lift_panels(p), (1500, 900), 1, "Head, CoM and foot over time"),
         ]

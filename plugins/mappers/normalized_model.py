@@ -58,12 +58,17 @@ class NormalizedModel(SegmentScaling):
         """Forget the person and where the feet stood."""
         super().reset()
         self.model.reset()
+        self._placed = False
 
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame."""
         super().step(frame, stack)
         model, footing = self.model, self._footing
-        left, right = (foot.ankle_of(foot.pose) for foot in footing.feet)
+        if self.config.support == "robot" and self._placed:  # where a stabilizer has put them
+            left, right = (self.robot.position(f"{side}_ankle") for side in SIDES)
+        else:
+            left, right = (foot.ankle_of(foot.pose) for foot in footing.feet)
+        self._placed = True
         model.step(frame, frame.support, (left, right), stack.contact)
         moved = model.mid_hip + (model.mid_shoulder - model.mid_hip) - footing.mid_hip - self._mid_shoulder()
         for task, _ in self._positions:

@@ -4,8 +4,8 @@ r"""The Humanoid-Normalized model: the human as positions and planes in the robo
     [P_h, V_h, N_c, V_w, P_{lh}, N_{la}, P_{rh}, N_{ra}, P_{lf}, P_{rf}]
 
 Each segment keeps the human's direction and takes the robot's length, legs the length they have when the robot stands.
-What the robot's build has beside the human's (a neck that sits further forward) is carried along as constant offsets,
-so that the human's rest pose becomes the robot's standing posture. The hips are placed over where both feet stand or last
+What the robot's build has beside the human's (a neck further forward) is carried along as constant offsets, so that the
+human's rest pose becomes the robot's standing posture. The hips are placed over where both feet stand or last
 stood, in proportion to the legs.
 """
 
@@ -20,7 +20,7 @@ from imitor.ik.vectors import cross
 from imitor.mapping.planes import VirtualPlane, frame_of, upright
 from imitor.mapping.scaled_body import POINTS, ScaledBody
 from imitor.robot.model import RobotModel
-from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton, Support
+from imitor.types import ROLE_INDEX, SIDES, Array, BoolArray, HumanFrame, Skeleton, Support
 
 _FADE_S = 0.4
 """Time constant with which the hips come to be over newly placed feet [s]."""
@@ -146,7 +146,7 @@ class NormalizedBody:
         self.head: Array = np.zeros(3)
 
     def step(
-        self, frame: HumanFrame, support: Support | None, ankles: tuple[Array, Array], contact: Array
+        self, frame: HumanFrame, support: Support | None, ankles: tuple[Array, Array], contact: BoolArray
     ) -> None:
         """Build the model of this frame; the scaled body has taken the frame before.
 
@@ -179,7 +179,7 @@ class NormalizedBody:
             self.wrist[i, :3, 3] = lifted + shoulder + way
 
     def _place_hips(
-        self, frame: HumanFrame, support: Support | None, ankles: tuple[Array, Array], contact: Array
+        self, frame: HumanFrame, support: Support | None, ankles: tuple[Array, Array], contact: BoolArray
     ) -> None:
         """Put the hips over both feet's places; a foot in the air counts where it stood."""
         stands = (True, True) if support is None else (support.left, support.right)

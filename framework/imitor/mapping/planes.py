@@ -8,14 +8,14 @@ markers give the turn of the segment itself, or, with points alone, the plane of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
 from math import atan2, cos, hypot, sin
 
 import numpy as np
 
 from imitor.ik.vectors import cross3
-from imitor.types import ROLE_INDEX, Array, HumanFrame, Skeleton
+from imitor.types import ROLE_INDEX, Array, BoolArray, HumanFrame, Skeleton
 
 _FLAT = 0.05
 """Sine of the angle between plane vectors below which three markers are taken for a line [-]."""
@@ -64,7 +64,7 @@ class VirtualPlane:
             self.turn = otherwise
         return self.turn
 
-    def _from_markers(self, marker: Array, valid: Array, body: Array) -> None:
+    def _from_markers(self, marker: Array, valid: BoolArray, body: Array) -> None:
         if not self._plane:
             seen = [i for i in self._members if valid[i]]
             if len(seen) < 3:
@@ -120,7 +120,7 @@ def _plane_of(points: Array) -> Array | None:
 def _widest(marker: Array, seen: Sequence[int]) -> list[int]:
     """Return the three markers that span the largest triangle."""
 
-    def area(three: tuple[int, ...]) -> float:
+    def area(three: Iterable[int]) -> float:
         a, b, c = marker[list(three)]
         return hypot(*cross3((b - a).tolist(), (c - a).tolist()))
 
