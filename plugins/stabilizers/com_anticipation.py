@@ -234,7 +234,7 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
     # ------------------------------------------------------------------ steps
 
     def _stand_first(self, stack: TaskStack) -> None:
-        """Put the right foot where the mapper has it and the left one as far from it as the human's."""
+        """Put the feet about the middle that the mapper has, as far apart as the human's."""
         self._started = True
         right = self._feet[1]
         ankle, yaw = right.wished_ankle(stack), self._yaw(right.wished_yaw(stack))
@@ -242,6 +242,10 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
             place[:3, :3] = yaw
         self.place[1][:2, 3] = (ankle - yaw @ right.sole_to_ankle)[:2]
         self.place[0][:2, 3] = self._landing_place(0)
+        wished = 0.5 * (ankle + self._feet[0].wished_ankle(stack))
+        off = (wished - 0.5 * (self._ankle_on_floor(0) + self._ankle_on_floor(1)))[:2]
+        for place in self.place:  # the middle stays where the mapper has it: the head is over it
+            place[:2, 3] += off
         self.goal = 0.5 * (self._sole_centre(0) + self._sole_centre(1))
         self._com.reset(self.goal)
         self._head = stack["head"].target[:2].copy()
