@@ -28,6 +28,7 @@ def make_stack(robot: RobotModel) -> TaskStack:
     stack.declare("torso", TaskKind.DIRECTION, frame="mid_shoulder", relative_to="mid_hip")
     stack.declare("right_thigh", TaskKind.DIRECTION, frame="right_knee", relative_to="right_hip")
     stack.declare("chest", TaskKind.ORIENTATION, frame="chest")
+    stack.declare("waist_vector", TaskKind.VECTOR, frame="waist")
     stack.declare("com", TaskKind.COM)
     stack.compile()
     return stack
@@ -52,6 +53,8 @@ def set_targets(robot: RobotModel, stack: TaskStack, q: np.ndarray, shift: float
         turn = pin.exp3(shift * rng.normal(size=3))
         if task.kind is TaskKind.COM:
             task.target[:] = robot.com + shift * rng.normal(size=3)
+        elif task.kind is TaskKind.VECTOR:
+            task.target[:] = turn @ robot.rotation(task.frame)[:, 0]
         elif task.kind is TaskKind.DIRECTION:
             d = robot.position(task.frame) - robot.position(task.relative_to)
             task.target[:] = turn @ (d / np.linalg.norm(d))

@@ -65,6 +65,7 @@ class Played:
         unit_s: One 30x30 SVD, timed all through the run, median [s].
         observed: What the observer gave, one row a frame.
         simulation: The verdict of physics; empty where it was not asked for.
+        trace: What physics gave frame by frame, or none.
     """
 
     case: Case
@@ -77,6 +78,7 @@ class Played:
     unit_s: float
     observed: Array
     simulation: dict[str, Any] = field(default_factory=dict)
+    trace: Any = None
 
     @property
     def motion(self) -> Motion:
@@ -210,11 +212,12 @@ def play(
     motion, reference = recorder.motion(), recorder.reference()
     figures = metrics.evaluate(motion, reference, pipeline.robot)["figures"]
     verdict = physics.finish().figures["simulation"] if physics is not None else {}
+    trace = physics.trace if physics is not None else None
     pipeline.close()
     return Played(
         case=case, robot=pipeline.robot, run=Run(motion, reference, pipeline.robot, 0), figures=figures,
         stages=pipeline.names, kinds=kinds, stage_s=np.array(spent),
-        unit_s=float(np.median(units)), observed=np.array(seen), simulation=verdict,
+        unit_s=float(np.median(units)), observed=np.array(seen), simulation=verdict, trace=trace,
     )  # fmt: skip
 
 

@@ -23,6 +23,7 @@ class TaskKind(StrEnum):
     POSITION = "position"  # target (3,) [m]
     ORIENTATION = "orientation"  # target (3, 3), reference from frame
     DIRECTION = "direction"  # target (3,), unit vector in world
+    VECTOR = "vector"  # target (3,), unit vector in world that the frame's forward axis (its x) is to have
     POSE = "pose"  # target (4, 4), reference from frame
     COM = "com"  # target (3,) [m]
     POSTURE = "posture"  # target (n,), joint positions [rad]
@@ -33,6 +34,7 @@ _TARGET_SHAPE: Final[dict[TaskKind, tuple[int, ...]]] = {
     TaskKind.POSITION: (3,),
     TaskKind.ORIENTATION: (3, 3),
     TaskKind.DIRECTION: (3,),
+    TaskKind.VECTOR: (3,),
     TaskKind.POSE: (4, 4),
     TaskKind.COM: (3,),
     TaskKind.LIMITS: (0,),
@@ -42,6 +44,7 @@ MASK_SIZE: Final[dict[TaskKind, int]] = {
     TaskKind.POSITION: 3,  # x y z
     TaskKind.ORIENTATION: 3,  # rotation about x y z
     TaskKind.DIRECTION: 1,  # on or off
+    TaskKind.VECTOR: 1,  # on or off
     TaskKind.POSE: 6,  # x y z, rotation about x y z
     TaskKind.COM: 3,  # x y z
     TaskKind.POSTURE: 1,

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import hypot, inf
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
 from imitor import SEGMENTS, Component, Config, HumanFrame, Mapper, Support, TaskKind, TaskStack, hookimpl
 from imitor.types import SIDES
+
+if TYPE_CHECKING:
+    from imitor.mapping.scaled_body import ScaledBody
 
 _POSITIONS = ("head", "left_hand", "right_hand")
 
@@ -93,11 +96,11 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         from imitor.ik.vectors import cross3
         from imitor.mapping.footing import Footing, FootSettings
         from imitor.mapping.human_joints import HumanJoints
-        from imitor.mapping.scaled_body import POINTS, ScaledBody
+        from imitor.mapping.scaled_body import POINTS
 
         robot, config = self.robot, self.config
         self._cross3 = cross3
-        self._body = ScaledBody(robot, self.skeleton, self.dt_s)
+        self._body = self.scaled_body()
         self._settings = FootSettings(
             flat_below_m=config.flat_below_m,
             free_above_m=config.free_above_m,
@@ -133,6 +136,12 @@ class SegmentScaling(Mapper[SegmentScalingConfig]):
         self._ankles = np.array([POINTS.index(f"{side}_ankle") for side in SIDES])
         shape = [task for task, _ in self._directions] + [self._waist, self._chest, *self._soles]
         self._human_joints = HumanJoints(robot, shape) if config.posture == "human" else None
+
+    def scaled_body(self) -> ScaledBody:
+        """Return the human in the robot's size."""
+        from imitor.mapping.scaled_body import ScaledBody
+
+        return ScaledBody(self.robot, self.skeleton, self.dt_s)
 
     def reset(self) -> None:
         """Forget directions, feet and CoM."""

@@ -82,6 +82,9 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
     name = "mujoco"
 
+    trace: Trace
+    """What happened in physics frame by frame; set by `finish`."""
+
     def open(self, run: RunInfo) -> None:
         """Build the simulated robot before the first frame.
 
@@ -122,7 +125,7 @@ class Mujoco(RecordedSink[MujocoConfig]):
         """Simulate, measure, and write what is asked for."""
         from imitor.simulation.verdict import figures
 
-        trace = self._play()
+        trace = self.trace = self._play()
         verdict = figures(trace, self._body)
         if trace.fall is None:
             log.info("mujoco: the robot stayed up for %.2f s", verdict["survived_s"])

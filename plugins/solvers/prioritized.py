@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -15,14 +15,16 @@ from imitor.types import Array
 if TYPE_CHECKING:
     from imitor.ik.layout import Layout
 
+Positive = Annotated[float, Field(gt=0)]
+
 
 class PrioritizedConfig(IterativeConfig):
     """Options of the prioritised solver."""
 
-    damping: float = Field(
+    damping: Positive | Sequence[Positive] = Field(
         0.01,
-        gt=0,
-        description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones [-].",
+        description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones; one value, "
+        "or one a level, the last for all further ones [-].",
     )
     step_damping: float = Field(
         0.05,
@@ -51,6 +53,10 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
         from imitor.ik.clamping import clamped_step
 
         self._clamped_step = clamped_step
+        damping = self.config.damping
+        self._by_level = not isinstance(damping, float)
+        self._floor2 = np.square(np.atleast_1d(np.asarray(damping, dtype=float)))
+        self._floor = float(self._floor2[0])
 
     def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the prioritised step within bounds, by clamping."""
@@ -59,7 +65,9 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
         damping2 = (config.error_damping * np.add.reduceat(e * e, starts) + calm).tolist() if layout.m else []
         if damping2 and layout.first_level:
             damping2[0] -= calm
-        floor2 = config.damping**2
+        floor2 = (
+            self._floor2[np.minimum(layout.level, self._floor2.size - 1)] if self._by_level else self._floor
+        )
         step, _ = self._clamped_step(
             J, e, g, starts, damping2, floor2, limits, speeds, layout.first, config.max_step_rad
         )

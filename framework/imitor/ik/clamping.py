@@ -28,7 +28,7 @@ def clamped_step(
     g: Array,
     starts: Sequence[int],
     damping2: Sequence[float],
-    floor2: float,
+    floor2: float | Array,
     limits: Bounds,
     speeds: Bounds,
     first: int,
@@ -62,7 +62,7 @@ def clamped_step(
 
 def _fix_joints(
     step: Array,
-    system: tuple[Array, Array, Array, Sequence[int], Sequence[float], float],
+    system: tuple[Array, Array, Array, Sequence[int], Sequence[float], float | Array],
     bounds: Bounds,
     first: int,
 ) -> tuple[Array, int]:

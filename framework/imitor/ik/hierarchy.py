@@ -32,7 +32,7 @@ from imitor.types import Array
 
 
 def prioritised_step(
-    J: Array, e: Array, g: Array, starts: Sequence[int], damping2: Sequence[float], floor2: float
+    J: Array, e: Array, g: Array, starts: Sequence[int], damping2: Sequence[float], floor2: float | Array
 ) -> Array:
     """Return the joint step for stacked levels, highest first.
 
@@ -42,7 +42,7 @@ def prioritised_step(
         g: Gradient step for the last null space, shape (n,).
         starts: First row of each level.
         damping2: Squared damping of each level, lambda_j^2.
-        floor2: Squared damping of the projectors, lambda_0^2; greater than 0.
+        floor2: Squared damping of the projectors, lambda_0^2, of all rows or of each (m,); greater than 0.
 
     Returns:
         The step dq, shape (n,).

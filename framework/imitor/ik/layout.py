@@ -48,6 +48,7 @@ class Layout:
         n: Number of columns; ``first`` of them are those of a free base (6, or 0 with an anchor).
         J, e: Jacobian (m, n) and error (m,).
         starts: First row of each level.
+        level: Level of each row in the solver's order (m,).
         first_level: Whether rows of the order's first level are among them.
         root_weight: Root of each row's weight (m,), or ``None`` when all are 1.
         W: Wrench of each row about the world's origin, (m, 6).
@@ -59,12 +60,14 @@ class Layout:
     J: Array
     e: Array
     starts: list[int]
+    level: IntArray
     first_level: bool
     root_weight: Array | None
     W: Array
     mask: Array
     translations: list[Part] = field(default_factory=list)
     rotations: list[Part] = field(default_factory=list)
+    vectors: list[Part] = field(default_factory=list)
     com: Part | None = None
     world_rows: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
     world_frame: IntArray = field(default_factory=lambda: np.zeros(0, dtype=int))
@@ -119,6 +122,7 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
     weight: list[float] = []
     translations: list[Part] = []
     rotations: list[Part] = []
+    vectors: list[Part] = []
     com: Part | None = None
     chosen: list[tuple[Entry, int]] = []  # directions and their first rows
     for entry in entries:
@@ -129,6 +133,10 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
             if task.mask[0]:
                 mask += [masks[entry.frame] - held] * 2
                 chosen.append((entry, at))
+        elif task.kind is TaskKind.VECTOR:
+            if task.mask[0]:
+                mask += [masks[entry.frame] - held] * 2
+                vectors.append(Part(task, at + np.arange(2), np.arange(2), entry.frame, WORLD))
         elif task.kind is TaskKind.COM:
             axes = np.flatnonzero(task.mask)
             mask += [-held] * len(axes)
@@ -163,12 +171,14 @@ def make_layout(robot: RobotModel, stack: TaskStack, entries: Sequence[Entry], m
         J=np.zeros((m, n)),
         e=np.zeros(m),
         starts=[i for i in range(m) if i == 0 or level[i] != level[i - 1]],
+        level=np.array(level, dtype=int),
         first_level=bool(level) and level[0] == 0,
         root_weight=None if all(w == 1.0 for w in weight) else np.sqrt(weight),
         W=W,
         mask=np.array(mask).reshape(m, n),
         translations=translations,
         rotations=rotations,
+        vectors=vectors,
         com=com,
         world_rows=np.concatenate([none, *[p.rows for p in world]]),
         world_frame=np.concatenate([none, *[np.full(p.rows.size, p.frame) for p in world]]),

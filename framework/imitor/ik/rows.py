@@ -23,7 +23,14 @@ from imitor.ik.vectors import cross, skew, tangent_basis
 from imitor.robot.model import BASE_NV, RobotModel
 from imitor.tasks import TaskKind, TaskStack
 
-SERVED = (TaskKind.POSITION, TaskKind.ORIENTATION, TaskKind.DIRECTION, TaskKind.POSE, TaskKind.COM)
+SERVED = (
+    TaskKind.POSITION,
+    TaskKind.ORIENTATION,
+    TaskKind.DIRECTION,
+    TaskKind.VECTOR,
+    TaskKind.POSE,
+    TaskKind.COM,
+)
 _EYE = np.eye(3)
 
 
@@ -73,6 +80,7 @@ class TaskRows:
             row[:] = view
         self._translations(layout)
         self._rotation_rows(layout)
+        self._vector_rows(layout)
         if layout.directions is not None:
             self._directions(layout, layout.directions, jacobian)
         if jacobian:
@@ -111,6 +119,23 @@ class TaskRows:
                 turn = turn @ world_from_reference
                 layout.W[part.rows, 3:] = world_from_reference.T[part.axes]
             layout.e[part.rows] = (task.gain * pin.log3(turn))[part.axes]
+
+    def _vector_rows(self, layout: Layout) -> None:
+        """Errors along the cross product of forward axis and target [montecillo2010] eq. 5, times angle over sine.
+
+        Two rows a task, across the axis: the turn about the axis itself stays free.
+        """
+        for part in layout.vectors:
+            forward, target = self._rotations[part.frame][:, 0], part.task.target
+            across = tangent_basis(forward[None])[0]
+            turn = across @ cross(forward, target)
+            sine, along = float(np.sqrt(turn @ turn)), float(forward @ target)
+            if sine < 1e-9:
+                turn[:] = (np.pi, 0.0) if along < 0.0 else (0.0, 0.0)  # opposite: any way round is as good
+            else:
+                turn *= np.arctan2(sine, along) / sine
+            layout.e[part.rows] = part.task.gain * turn
+            layout.W[part.rows, 3:] = across
 
     def _directions(self, layout: Layout, part: Directions, jacobian: bool) -> None:
         """Errors and wrenches of all direction tasks at once: the angle, and two unit forces across the segment."""

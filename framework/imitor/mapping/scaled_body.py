@@ -42,7 +42,7 @@ POINTS: Final[tuple[str, ...]] = (
 
 
 class ScaledBody:
-    """The human in the robot's size, frame by frame.
+    """The human in the robot's size, frame by frame; legs may be taken as a share of the robot's.
 
     Attributes:
         segments: Names of the segments, in the order of ``direction``.
@@ -52,11 +52,12 @@ class ScaledBody:
         relative: Scaled points relative to mid-hip in world axes, shape (P, 3) [m], in the order of `POINTS`.
         mid_hip, mid_ankle: Human points in world, shape (3,) [m].
         leg_ratio: Robot leg length over the human's in this frame [-].
+        standing_leg: Length of a leg in the robot's size, or the share of it that counts [m].
         hips_seen: Whether the hips were seen in this frame.
         legs_known: Whether both legs have been seen since the start.
     """
 
-    def __init__(self, robot: RobotModel, skeleton: Skeleton, dt_s: float) -> None:
+    def __init__(self, robot: RobotModel, skeleton: Skeleton, dt_s: float, leg_share: float = 1.0) -> None:
         missing = [r for r in _NEEDED if r not in skeleton.roles]
         if missing:
             raise SourceError(
@@ -82,14 +83,16 @@ class ScaledBody:
         self._difference = np.array([_weights(b, used) - _weights(a, used) for _, a, b in chain])  # (S, U)
         self._touched = self._difference != 0.0
         self.lengths = np.array([lengths.get(s, 0.0) for s in self.segments])
+        leg = [self.segments.index(s) for s in ("left_thigh", "left_shank", "right_thigh", "right_shank")]
+        self.lengths[leg] *= leg_share
         self._compose = self._composition()
         self._middle = np.stack(
             [_weights("mid_hip", used), 0.5 * (_weights("left_ankle", used) + _weights("right_ankle", used))]
         )
         self._middle_touched = self._middle != 0.0
         self._dt_s = dt_s
-        leg = [self.segments.index(s) for s in ("left_thigh", "left_shank", "right_thigh", "right_shank")]
         self._leg, self._robot_leg = leg, float(self.lengths[leg].sum())
+        self.standing_leg = 0.5 * self._robot_leg
         self.direction: Array = np.zeros((len(chain), 3))
         self.seen = np.zeros(len(chain), dtype=bool)
         self.reset()

@@ -28,6 +28,7 @@ EXAMPLES: Final[Mapping[TaskKind, Sequence[str]]] = {
     K.POSITION: ("left_hand", "head"),
     K.ORIENTATION: ("chest",),
     K.DIRECTION: ("left_forearm", "right_upper_arm"),
+    K.VECTOR: ("waist_vector",),
     K.POSE: ("right_foot",),
     K.COM: ("com",),
     K.POSTURE: ("posture",),

@@ -22,6 +22,7 @@ CANONICAL: Final[dict[str, TaskKind]] = {
     **dict.fromkeys(("left_hand", "right_hand", "head"), K.POSITION),
     **dict.fromkeys(("waist", "chest"), K.ORIENTATION),
     **dict.fromkeys(SEGMENTS, K.DIRECTION),
+    "waist_vector": K.VECTOR,
     **_WHOLE_BODY,
 }
 """The kinds that canonical tasks usually have."""
@@ -32,7 +33,9 @@ def declare_canonical(stack: TaskStack, robot: RobotModel, leave_out: Collection
     for name, kind in CANONICAL.items():
         if name in leave_out:
             continue
-        proximal, distal = SEGMENTS.get(name, ("", "" if name in _WHOLE_BODY else name))
+        proximal, distal = SEGMENTS.get(
+            name, ("", "" if name in _WHOLE_BODY else name.removesuffix("_vector"))
+        )
         if robot.has(*(r for r in (proximal, distal) if r)):
             stack.declare(name, kind, frame=distal, relative_to=proximal)
 
@@ -51,6 +54,8 @@ def now(task: Task, robot: RobotModel, q: Array) -> Array:
             value = robot.position(task.frame)
         case K.ORIENTATION:
             value = robot.rotation(task.frame)
+        case K.VECTOR:
+            value = robot.rotation(task.frame)[:, 0]
         case K.POSE:
             value = robot.pose(task.frame)
         case K.DIRECTION:
@@ -77,7 +82,7 @@ def error_of(task: Task, robot: RobotModel, q: Array) -> float:
         return float(
             np.hypot(np.linalg.norm(there[:3, 3] - target[:3, 3]), angle(there[:3, :3], target[:3, :3]))
         )
-    if task.kind is K.DIRECTION:
+    if task.kind in (K.DIRECTION, K.VECTOR):
         return float(np.arctan2(np.linalg.norm(np.cross(there, target)), there @ target))
     return float(np.linalg.norm(there - target))
 
@@ -135,7 +140,7 @@ def check_declared(component: Component[Any], stack: TaskStack, before: Collecti
             expect(
                 not role or robot.has(role), cls, f"task '{name}': robot '{robot.name}' has no frame '{role}'"
             )
-        needs_frame = task.kind in (K.POSITION, K.ORIENTATION, K.DIRECTION, K.POSE)
+        needs_frame = task.kind in (K.POSITION, K.ORIENTATION, K.DIRECTION, K.VECTOR, K.POSE)
         expect(not needs_frame or task.frame, cls, f"task '{name}' of kind {task.kind} names no frame")
         expect(task.kind is not K.DIRECTION or task.relative_to, cls, f"task '{name}' points from no frame")
 
@@ -149,7 +154,7 @@ def check_targets(cls: AnyComponent, stack: TaskStack, robot: RobotModel, which:
         expect(np.isfinite(task.gain[0]) and task.gain[0] >= 0, cls, f"{name} has the gain {task.gain[0]}")
         if not task.active[0]:
             continue
-        if task.kind is K.DIRECTION:
+        if task.kind in (K.DIRECTION, K.VECTOR):
             length = float(np.linalg.norm(target))
             expect(abs(length - 1) < 1e-6, cls, f"{name} has a direction of length {length:.6g}, not 1")
         elif task.kind in (K.ORIENTATION, K.POSE) and not is_rotation(target[:3, :3]):
