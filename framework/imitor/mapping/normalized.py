@@ -222,7 +222,8 @@ class NormalizedBody:
 
     def _standing_over(self) -> Array:
         """Where the hips are over the ankles before the human was seen, shape (3,) [m]."""
-        return np.asarray(self._over_feet + [0.0, 0.0, self.body.standing_leg])
+        up: Array = np.array([0.0, 0.0, self.body.standing_leg])
+        return np.add(self._over_feet, up)
 
 
 class _Rest:
