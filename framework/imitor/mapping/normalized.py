@@ -222,8 +222,7 @@ class NormalizedBody:
 
     def _standing_over(self) -> Array:
         """Where the hips are over the ankles before the human was seen, shape (3,) [m]."""
-        up: Array = np.array([0.0, 0.0, self.body.standing_leg])
-        return np.add(self._over_feet, up)
+        return np.asarray(self._over_feet + np.array([0.0, 0.0, self.body.standing_leg]))
 
 
 class _Rest:
