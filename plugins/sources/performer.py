@@ -66,6 +66,12 @@ class PerformerConfig(Config):
     hand_speed_m_s: float = Field(
         0.6, gt=0, le=4.0, description="Greatest speed of the hand in every stroke of hand_updown [m/s]."
     )
+    arms_forward_s: float = Field(
+        0.0,
+        ge=0,
+        le=60.0,
+        description="How long the arms are first held forward, palms down, as a calibration pose; not before t_pose [s].",
+    )
     markers: Literal["none", "41"] = Field(
         "none", description="Optical markers on the skin: none or the set of 41 [-]."
     )
@@ -84,6 +90,13 @@ class PerformerConfig(Config):
         ge=0,
         le=0.2,
         description="Standard deviation of the motion of skin and clothes over the bones, 0.5 to 4 Hz [m].",
+    )
+    joint_motion_m: float | None = Field(
+        None,
+        ge=0,
+        le=0.2,
+        description="The same for joint centres alone, for a system that estimates them from the markers; null: as "
+        "skin_motion_m [m].",
     )
     loss: float = Field(
         0.0, ge=0, lt=1.0, description="Probability that a captured point is lost in a frame [-]."
@@ -140,7 +153,7 @@ class Performer(Source[PerformerConfig]):
         """Perform the whole scenario."""
         c = self.config
         body = Body(c.height_m, c.sex, c.mass_kg, c.segment_ratios)
-        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s)
+        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s, c.arms_forward_s)
         truth = play(c.scenario, body, options, c.rate_hz)
         self.truth, self._captured = capture(
             truth,
@@ -154,6 +167,7 @@ class Performer(Source[PerformerConfig]):
                 c.loss,
                 c.loss_burst_s * c.rate_hz,
                 c.seed,
+                c.joint_motion_m,
             ),
         )
         self.rate_hz = c.rate_hz

@@ -1,0 +1,57 @@
+"""Fit of marker positions alone, with differences in place of derivatives [ude2004]: what eq. 11 is compared with."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from imitor.mapping.virtual_markers import Criterion
+from imitor.types import Array
+
+_DELTA = 1e-6
+"""Step of the finite differences [m or rad]."""
+_MOST = 4
+_LEAST_STEP = 1e-5
+
+
+class NumericalFit:
+    """Levenberg-Marquardt on the positions of the markers, from the last frame's coordinates.
+
+    Args:
+        damping: Keeps coordinates that the markers do not show near the last ones [m].
+    """
+
+    def __init__(self, damping: float) -> None:
+        self._damping2 = damping**2
+
+    def __call__(self, criterion: Criterion, goal: Array, real: Array) -> Array:
+        """Return the whole way to the fit of this frame."""
+        model = criterion.model
+        n = len(criterion.arms.markers)
+        seen = np.isfinite(goal[:n]).all(axis=1)
+        start = model.q.copy()
+        way = np.zeros(model.columns.size)
+        for _ in range(_MOST):
+            at = self._errors(criterion, goal[:n], seen)
+            J = np.empty((at.size, way.size))
+            q = model.q.copy()
+            for k in range(way.size):
+                nudge = np.zeros(way.size)
+                nudge[k] = _DELTA
+                model.move(nudge)
+                J[:, k] = (self._errors(criterion, goal[:n], seen) - at) / _DELTA
+                model.q[:] = q
+            step = -np.linalg.solve(J.T @ J + self._damping2 * np.eye(way.size), J.T @ at)
+            model.move(step)
+            way += step
+            if np.abs(step).max() < _LEAST_STEP:
+                break
+        model.q[:] = start
+        model.update()
+        return way
+
+    def _errors(self, criterion: Criterion, goal: Array, seen: Array) -> Array:
+        criterion.model.place()
+        return np.asarray((goal - criterion.model.points()[: len(goal)])[seen].reshape(-1))
+
+
+__all__ = ["NumericalFit"]
