@@ -17,14 +17,20 @@ from imitor.human.scenarios import SCENARIOS, play
 from imitor.human.scenarios.scenario import Options
 
 ScenarioName = Literal[
+    "cut_with_knife",
+    "grate_food",
     "hand_updown",
     "open_close_drawer",
+    "paddle_canoe",
+    "pump_mattress",
     "single_leg_balance",
     "slow_dance",
     "squat",
     "stand",
     "step_forward",
     "t_pose",
+    "turn_steering_wheel",
+    "turn_valve",
     "two_steps_and_reach",
     "walk",
     "walk_in_place",

@@ -12,13 +12,13 @@ from imitor.human.body import Body
 from imitor.human.choreography import Choreography
 from imitor.human.masses import full_weights
 from imitor.human.performance import Truth, joint_angles, mirrored, perform
-from imitor.human.scenarios import balancing, hands, standing, stepping
+from imitor.human.scenarios import balancing, hands, standing, stepping, tasks
 from imitor.human.scenarios.scenario import Options, Scenario
 from imitor.human.trajectories import rise
 from imitor.types import N_ROLES, Array
 
 SCENARIOS: Final[Mapping[str, Scenario]] = MappingProxyType(
-    {s.name: s for module in (standing, stepping, balancing, hands) for s in module.SCENARIOS}
+    {s.name: s for module in (standing, stepping, balancing, hands, tasks) for s in module.SCENARIOS}
 )
 """Every motion the performer knows."""
 ARMS_DOWN_S: Final = 2.0
