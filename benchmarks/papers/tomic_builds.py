@@ -39,7 +39,7 @@ CAPTURE: Mapping[str, Any] = {
     "skin_motion_m": 0.010,
     "joint_motion_m": 0.002,
     "arms_forward_s": 1.0,
-    "rate_hz": 100.0,
+    "rate_hz": 50.0,
 }
 """How well the people are captured; joint centres are the suit software's estimates."""
 
@@ -128,3 +128,19 @@ def _errors(mapper: MarkerMapper[Any], stack: TaskStack, frames: Any, source: An
             frame.time_s, distance[n_m + n_j :], distance[n_m : n_m + n_j], distance[:n_m],
             np.linalg.norm(turn, axis=1), true,
         )  # fmt: skip
+
+
+def survey(robot: RobotModel, people: int = N_BUILDS) -> dict[str, Any]:
+    """Return mean and largest hand errors, shape (builds, tasks) [m], and largest joint errors, of both algorithms."""
+    out: dict[str, Any] = {}
+    for algorithm in ALGORITHMS:
+        found = [[fit(robot, algorithm, task, p) for task in TASKS] for p in builds()[:people]]
+        out[algorithm] = {
+            "hand_mean_m": np.array([[f.hand_m.mean() for f in row] for row in found]),
+            "hand_max_m": np.array([[f.hand_m.max() for f in row] for row in found]),
+            "true_hand_mean_m": np.array([[f.true_hand_m.mean() for f in row] for row in found]),
+            "joint_max_m": np.array([[f.joint_m.max() for f in row] for row in found]),
+            "marker_mean_m": np.array([[f.marker_m.mean() for f in row] for row in found]),
+            "turn_max": np.array([[f.turn.max() for f in row] for row in found]),
+        }
+    return out

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 class MarkerFitConfig(MarkerMapperConfig):
     """Options of the fit of markers alone."""
 
-    damping: float = Field(
-        0.005, gt=0, description="Keeps coordinates that the markers do not show near the last ones [m/rad]."
+    prior: float = Field(
+        0.02,
+        ge=0,
+        description="Pull towards the calibration pose, for joints that the markers hardly show [m/rad].",
     )
 
 
@@ -37,7 +39,7 @@ class MarkerFit(MarkerMapper[MarkerFitConfig]):
         from imitor.mapping.virtual_markers import Weights
 
         names, pose = self.skeleton.target_names, self.config.pose
-        step = NumericalFit(self.config.damping)
+        step = NumericalFit(self.config.prior)
         return MarkerImitation(self.robot, names, "prismatic", pose, Weights(), step, 1)
 
 

@@ -10,6 +10,7 @@ from imitor.types import Array
 _DELTA = 1e-6
 """Step of the finite differences [m or rad]."""
 _MOST = 4
+_DAMPING2 = 0.005**2
 _LEAST_STEP = 1e-5
 
 
@@ -17,11 +18,12 @@ class NumericalFit:
     """Levenberg-Marquardt on the positions of the markers, from the last frame's coordinates.
 
     Args:
-        damping: Keeps coordinates that the markers do not show near the last ones [m].
+        prior: Pull of the joints towards the calibration pose, for those that the markers hardly show: on the forearm
+            and the hand they are near the axes, and skin motion alone would turn an arm over [m/rad].
     """
 
-    def __init__(self, damping: float) -> None:
-        self._damping2 = damping**2
+    def __init__(self, prior: float) -> None:
+        self._prior = prior
 
     def __call__(self, criterion: Criterion, goal: Array, real: Array) -> Array:
         """Return the whole way to the fit of this frame."""
@@ -40,7 +42,7 @@ class NumericalFit:
                 model.move(nudge)
                 J[:, k] = (self._errors(criterion, goal[:n], seen) - at) / _DELTA
                 model.q[:] = q
-            step = -np.linalg.solve(J.T @ J + self._damping2 * np.eye(way.size), J.T @ at)
+            step = -np.linalg.solve(J.T @ J + _DAMPING2 * np.eye(way.size), J.T @ at)
             model.move(step)
             way += step
             if np.abs(step).max() < _LEAST_STEP:
@@ -50,8 +52,10 @@ class NumericalFit:
         return way
 
     def _errors(self, criterion: Criterion, goal: Array, seen: Array) -> Array:
-        criterion.model.place()
-        return np.asarray((goal - criterion.model.points()[: len(goal)])[seen].reshape(-1))
+        model = criterion.model
+        model.place()
+        off = (goal - model.points()[: len(goal)])[seen].reshape(-1)
+        return np.concatenate([off, self._prior * (criterion.rest[7:] - model.q[7:])])
 
 
 __all__ = ["NumericalFit"]

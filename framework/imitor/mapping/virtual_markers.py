@@ -75,6 +75,10 @@ class Criterion:
         arms: What is compared.
         weights: Of the four kinds of error.
         index: Places of ``arms.markers`` among the person's targets.
+
+    Attributes:
+        carrier: Joint that carries each virtual marker, and ``virtual``, their poses in its frame, shape (M, 4, 4).
+        rest: Configuration in which they were placed, shape (nq,).
     """
 
     def __init__(self, model: ScaledModel, arms: Arms, weights: Weights, index: Sequence[int]) -> None:
@@ -89,6 +93,7 @@ class Criterion:
         weight = [weights.alpha] * n_markers + [weights.beta] * n_joints + [weights.delta] * len(arms.hands)
         self._weight = np.array(weight)
         self.carrier = [self._nearest_joint(name) for name in arms.markers]
+        self.rest: Array = model.q.copy()
         self.virtual = np.tile(np.eye(4), (n_markers, 1, 1))
         self._attach()
 
@@ -99,6 +104,7 @@ class Criterion:
             real: Mean poses of ``arms.markers``, world from marker, shape (M, 4, 4).
         """
         self.model.update()
+        self.rest[:] = self.model.q
         for i, joint in enumerate(self.carrier):
             placed = self.model.robot.data.oMi[joint]
             self.virtual[i, :3, :3] = placed.rotation.T @ real[i, :3, :3]
