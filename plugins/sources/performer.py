@@ -72,6 +72,19 @@ class PerformerConfig(Config):
     hand_speed_m_s: float = Field(
         0.6, gt=0, le=4.0, description="Greatest speed of the hand in every stroke of hand_updown [m/s]."
     )
+    pull_m: float | None = Field(
+        None,
+        ge=0.0,
+        le=0.6,
+        description="How far the drawer of open_close_drawer is pulled; null for the scenario's own [m].",
+    )
+    grip_m: float | None = Field(
+        None,
+        ge=0.0,
+        le=0.6,
+        description="How far from its middle each hand holds the handle of open_close_drawer; null for the scenario's "
+        "own [m].",
+    )
     arms_forward_s: float = Field(
         0.0,
         ge=0,
@@ -159,7 +172,7 @@ class Performer(Source[PerformerConfig]):
         """Perform the whole scenario."""
         c = self.config
         body = Body(c.height_m, c.sex, c.mass_kg, c.segment_ratios)
-        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s, c.arms_forward_s)
+        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s, c.arms_forward_s, c.pull_m, c.grip_m)
         truth = play(c.scenario, body, options, c.rate_hz)
         self.truth, self._captured = capture(
             truth,

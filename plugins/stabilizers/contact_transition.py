@@ -115,7 +115,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Write the targets of the hands, and place the pelvis."""
         own = self._place(stack)
-        q = self._posture.target
+        q = self._posture.target.copy()
         modified = np.where(self._arms, self._limits(q), q)
         pelvis = own if self._pelvis is None else self._pelvis.target
         for i, task in self._hands:
@@ -128,6 +128,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
                 task.target[:] = pose[:3, 3]
             else:
                 task.target[:] = pose
+        self._posture.target[:] = modified  # beyond a limit it would hold a joint there that the hands need
 
     def _share(self, hand: Array, side: int) -> float:
         """Return the share of growth for a hand of the person: 0 outside the sphere, 1 at the grip."""

@@ -35,6 +35,8 @@ class Workspace:
         self._stack.compile()
         self._stack.anchor = "waist"
         self._finder = PoseFinder(self._robot, self._stack, [t.name for t in self._hands], damping=0.005)
+        straight = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
+        self._starts = (straight, robot.standing[7:], 0.5 * (robot.lower + robot.upper))
 
     def miss(self, pelvis: Array, hands: Sequence[Sequence[Array]]) -> float:
         """Return the largest error with which the robot gets to these poses in turn [m or rad].
@@ -43,8 +45,12 @@ class Workspace:
             pelvis: Pose of the waist, world from waist, shape (4, 4).
             hands: For each place a pose of each hand, shape (4, 4).
         """
-        q, worst = self._robot.standing.copy(), 0.0
         self._stack.anchor_pose[:] = pelvis
+        return min(self._follow(start, hands) for start in self._starts)
+
+    def _follow(self, joints: Array, hands: Sequence[Sequence[Array]]) -> float:
+        q, worst = self._robot.standing.copy(), 0.0
+        q[7:] = joints
         for poses in hands:
             for task, pose in zip(self._hands, poses, strict=False):
                 task.target[:] = pose
