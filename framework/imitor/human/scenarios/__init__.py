@@ -59,6 +59,7 @@ def hold_arms_forward(score: Choreography, until: float) -> None:
         for name, degrees in goal.items():
             course = getattr(arm, name)
             course += share * (np.radians(degrees) - course)
+        arm.abduction += np.radians(55.0) * 4.0 * share * (1.0 - share)  # down at the sides, past what is in front
 
 
 def _rest(body: Body, time_s: Array) -> Truth:
