@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,7 +106,8 @@ def fit(robot: RobotModel, algorithm: str, task: str, person: Mapping[str, Any],
 
 
 def _errors(mapper: MarkerMapper[Any], stack: TaskStack, frames: Any, source: Any) -> Iterator[Any]:
-    from imitor.mapping.virtual_markers import ROLE_INDEX, Weights
+    from imitor.mapping.virtual_markers import Weights
+    from imitor.types import ROLE_INDEX
 
     criterion = mapper.imitation.criterion
     arms = criterion.arms
@@ -130,11 +131,11 @@ def _errors(mapper: MarkerMapper[Any], stack: TaskStack, frames: Any, source: An
         )  # fmt: skip
 
 
-def survey(robot: RobotModel, people: int = N_BUILDS) -> dict[str, Any]:
+def survey(robot: RobotModel, tasks: Sequence[str] = TASKS) -> dict[str, Any]:
     """Return mean and largest hand errors, shape (builds, tasks) [m], and largest joint errors, of both algorithms."""
     out: dict[str, Any] = {}
     for algorithm in ALGORITHMS:
-        found = [[fit(robot, algorithm, task, p) for task in TASKS] for p in builds()[:people]]
+        found = [[fit(robot, algorithm, task, p) for task in tasks] for p in builds()]
         out[algorithm] = {
             "hand_mean_m": np.array([[f.hand_m.mean() for f in row] for row in found]),
             "hand_max_m": np.array([[f.hand_m.max() for f in row] for row in found]),
