@@ -113,8 +113,8 @@ def test_left_and_right_are_scaled_alike() -> None:
     longer = []
     for f in frames[:20]:
         position = f.position.copy()
-        position[ROLE_INDEX["left_elbow"]] += (
-            0.1 * (position[ROLE_INDEX["left_elbow"]] - position[ROLE_INDEX["left_shoulder"]])
+        position[ROLE_INDEX["left_elbow"]] += 0.1 * (
+            position[ROLE_INDEX["left_elbow"]] - position[ROLE_INDEX["left_shoulder"]]
         )
         longer.append(replace(f, position=position))
     factors = segment_factors(romeo(), longer)
@@ -132,7 +132,9 @@ def test_markers_of_the_scaled_robot_itself_are_followed_exactly() -> None:
     there, truth = model.points(), model.q.copy()
     real = np.array(
         [
-            np.block([[model.robot.data.oMi[j].rotation @ v[:3, :3], np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]])
+            np.block(
+                [[model.robot.data.oMi[j].rotation @ v[:3, :3], np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]]
+            )
             for j, v in zip(criterion.carrier, criterion.virtual, strict=True)
         ]
     )
@@ -147,7 +149,9 @@ def test_markers_of_the_scaled_robot_itself_are_followed_exactly() -> None:
     np.testing.assert_allclose(model.q, truth, atol=1e-3)
 
 
-def hand_errors(made: MarkerMapper[Any], stack: TaskStack, frames: tuple[HumanFrame, ...]) -> tuple[Array, ...]:
+def hand_errors(
+    made: MarkerMapper[Any], stack: TaskStack, frames: tuple[HumanFrame, ...]
+) -> tuple[Array, ...]:
     """Return distances of hand joints, shoulders and elbows, and markers from the recorded ones."""
     criterion = made.imitation.criterion
     out = []
@@ -188,7 +192,9 @@ def test_lost_markers_leave_the_rest_and_nothing_seen_leaves_all() -> None:
     for f in frames[:150]:
         made.step(f, stack)
     blind = replace(
-        frames[150], position=np.full_like(frames[150].position, np.nan), target=np.full_like(frames[150].target, np.nan)
+        frames[150],
+        position=np.full_like(frames[150].position, np.nan),
+        target=np.full_like(frames[150].target, np.nan),
     )
     before = stack.flat_target.copy()
     made.step(blind, stack)

@@ -92,21 +92,29 @@ def figure_8(build_mean: dict[str, Array]) -> str:
         Panel(f"{name}", "build", "mean error of the hands (mm)", [Line(x, build_mean[name], colour=colour)])
         for name, colour in zip(ALGORITHMS, (BLUE, RED), strict=True)
     ]
-    return figure(DOCS, PRESET, "figure_8", panels, (1100, 380), 2, "Mean hand error of 19 builds, both algorithms")
+    return figure(
+        DOCS, PRESET, "figure_8", panels, (1100, 380), 2, "Mean hand error of 19 builds, both algorithms"
+    )
 
 
 def figure_6(robot: RobotModel) -> str:
     """Draw hand, shoulder and elbow errors of one build in the drawer task, as the paper's figure 6."""
     fits = [fit(robot, name, "open_close_drawer", builds()[0]) for name in ALGORITHMS]
     panels = []
-    for title, pick in (("hand joints", "hand_m"), ("shoulders and elbows", "joint_m"), ("orientation, eq. 9", "turn")):
+    for title, pick in (
+        ("hand joints", "hand_m"),
+        ("shoulders and elbows", "joint_m"),
+        ("orientation, eq. 9", "turn"),
+    ):
         scale = 1.0 if pick == "turn" else 1e3
         lines = [
             Line(f.time_s, scale * getattr(f, pick).max(axis=1), name, colour)
             for f, name, colour in zip(fits, ALGORITHMS, (BLUE, RED), strict=True)
         ]
         panels.append(Panel(title, "time (s)", "largest error" + ("" if pick == "turn" else " (mm)"), lines))
-    return figure(DOCS, PRESET, "figure_6", panels, (1300, 380), 3, "Errors in the drawer task, both algorithms")
+    return figure(
+        DOCS, PRESET, "figure_6", panels, (1300, 380), 3, "Errors in the drawer task, both algorithms"
+    )
 
 
 if __name__ == "__main__":

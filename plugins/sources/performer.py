@@ -172,7 +172,16 @@ class Performer(Source[PerformerConfig]):
         """Perform the whole scenario."""
         c = self.config
         body = Body(c.height_m, c.sex, c.mass_kg, c.segment_ratios)
-        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s, c.arms_forward_s, c.pull_m, c.grip_m)
+        options = Options(
+            c.side,
+            c.speed,
+            c.duration_s,
+            c.step_length_m,
+            c.hand_speed_m_s,
+            c.arms_forward_s,
+            c.pull_m,
+            c.grip_m,
+        )
         truth = play(c.scenario, body, options, c.rate_hz)
         self.truth, self._captured = capture(
             truth,

@@ -32,20 +32,27 @@ class ContactTransitionConfig(Config):
         0.1, gt=0, description="Sphere around the grip within which the robot grows to the person's size [m]."
     )
     held_m: float = Field(
-        0.02, ge=0, description="A hand of the person this near its grip holds it: the robot has the full size [m]."
+        0.02,
+        ge=0,
+        description="A hand of the person this near its grip holds it: the robot has the full size [m].",
     )
     limit_margin: float = Field(
         0.08, gt=0, lt=0.5, description="Share of a joint's range at its ends in which motion is scaled [-]."
     )
     calibration_s: float = Field(
-        1.0, gt=0, le=60, description="Beginning of the recording that tells the person's segment lengths [s]."
+        1.0,
+        gt=0,
+        le=60,
+        description="Beginning of the recording that tells the person's segment lengths [s].",
     )
     placement_m: Vector | None = Field(
         None,
         description="Shift of the robot from the person's place: forward, left, up; none: the smallest from which the "
         "hands reach their grips [m].",
     )
-    search_m: float = Field(0.6, ge=0, le=3, description="How far a placement is looked for, fore and aft [m].")
+    search_m: float = Field(
+        0.6, ge=0, le=3, description="How far a placement is looked for, fore and aft [m]."
+    )
     rise_m: float = Field(0.0, ge=0, le=2, description="How far a placement may raise the robot [m].")
 
 

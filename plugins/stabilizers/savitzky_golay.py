@@ -29,7 +29,9 @@ class SavitzkyGolayConfig(Config):
     @model_validator(mode="after")
     def _fits(self) -> SavitzkyGolayConfig:
         if self.window % 2 == 0:
-            raise ValueError(f"window {self.window} is even; it has a middle sample when odd: {self.window + 1}")
+            raise ValueError(
+                f"window {self.window} is even; it has a middle sample when odd: {self.window + 1}"
+            )
         if self.order >= self.window:
             raise ValueError(f"order {self.order} needs a window of more than {self.order} samples")
         return self

@@ -126,7 +126,9 @@ class MarkerImitation:
         placing = Criterion(model, arms, _PLACING, index)
         frame = HumanFrame(0.0, mean, np.isfinite(mean).all(axis=1))
         goal, real = placing.targets(frame)
-        for _ in range(_PLACING_STEPS):  # damped: twists that the joints do not show stay as the pose has them
+        for _ in range(
+            _PLACING_STEPS
+        ):  # damped: twists that the joints do not show stay as the pose has them
             model.update()
             e, J = placing.rows(goal, real)
             damped = J.T @ J + _PLACING_DAMPING**2 * np.eye(J.shape[1])

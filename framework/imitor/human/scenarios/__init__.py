@@ -55,11 +55,20 @@ def hold_arms_forward(score: Choreography, until: float) -> None:
     """Hold the arms stretched forward, palms down, until an authored time before 0 [s], and lower them until 0."""
     share = 1.0 - rise(score.time, until, 0.0)
     for arm in score.arms.values():
-        goal = {"flexion": 90.0, "abduction": 0.0, "twist": 0.0, "elbow": 2.0, "pronation": 90.0, "wrist": 0.0}
+        goal = {
+            "flexion": 90.0,
+            "abduction": 0.0,
+            "twist": 0.0,
+            "elbow": 2.0,
+            "pronation": 90.0,
+            "wrist": 0.0,
+        }
         for name, degrees in goal.items():
             course = getattr(arm, name)
             course += share * (np.radians(degrees) - course)
-        arm.abduction += np.radians(55.0) * 4.0 * share * (1.0 - share)  # down at the sides, past what is in front
+        arm.abduction += (
+            np.radians(55.0) * 4.0 * share * (1.0 - share)
+        )  # down at the sides, past what is in front
 
 
 def _rest(body: Body, time_s: Array) -> Truth:

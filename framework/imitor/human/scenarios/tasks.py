@@ -55,9 +55,7 @@ def _wheel(score: Choreography, radius: float, centre: tuple[float, float], turn
     for side in SIDES:
         angle = turn + (0.0 if side == "left" else np.pi)
         up = radius * np.sin(angle)
-        hands[side] = _place(
-            score, x + up * np.sin(lean), radius * np.cos(angle), z + up * np.cos(lean)
-        )
+        hands[side] = _place(score, x + up * np.sin(lean), radius * np.cos(angle), z + up * np.cos(lean))
         yaw[side] = _inwards(score, side)
     _work(score, hands, yaw)
 
@@ -148,11 +146,14 @@ SCENARIOS: Final = (
     Scenario("turn_valve", "both hands turn a valve's wheel to and fro", 12.0, turn_valve, least_s=9.0),
     Scenario("paddle_canoe", "both hands paddle on both sides in turn", 12.0, paddle_canoe, least_s=9.0),
     Scenario("pump_mattress", "both hands press and pull a pump's handle", 12.0, pump_mattress, least_s=9.0),
-    Scenario(
-        "turn_steering_wheel", "both hands steer with a wheel", 12.0, turn_steering_wheel, least_s=9.0
-    ),
+    Scenario("turn_steering_wheel", "both hands steer with a wheel", 12.0, turn_steering_wheel, least_s=9.0),
     Scenario("cut_with_knife", "one hand holds, the other cuts", 11.0, cut_with_knife, "right", least_s=9.0),
     Scenario(
-        "grate_food", "one hand holds a grater, the other rubs along it", 11.0, grate_food, "right", least_s=9.0
+        "grate_food",
+        "one hand holds a grater, the other rubs along it",
+        11.0,
+        grate_food,
+        "right",
+        least_s=9.0,
     ),
 )
