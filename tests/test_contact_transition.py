@@ -13,10 +13,10 @@ from imitor.contact.grips import Grips
 from imitor.contact.local_limits import LocalLimits
 from imitor.errors import ImitorError
 from imitor.pipeline import Pipeline
+from imitor.plugins.stabilizers.savitzky_golay import weights
 from imitor.registry import Registry
 from imitor.spec import load_pipeline
 from imitor.types import SIDES
-from plugins.stabilizers.savitzky_golay import weights
 
 LOW, HIGH = np.array([-1.0]), np.array([2.0])
 
