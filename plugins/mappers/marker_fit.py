@@ -26,8 +26,8 @@ class MarkerFitConfig(MarkerMapperConfig):
 class MarkerFit(MarkerMapper[MarkerFitConfig]):
     """A robot of the person's size follows the positions of the markers alone, numerically [ude2004], T5.
 
-    The algorithm that [tomic2018] is compared with: markers are met better than by `virtual_marker_fit`, hands worse. Same
-    calibration, same markers; derivatives by finite differences, iterated in each frame.
+    The algorithm that [tomic2018] is compared with: markers are met better than by `virtual_marker_fit`, hands worse.
+    Same     calibration, same markers; derivatives by finite differences, iterated in each frame.
     """
 
     name = "marker_fit"

@@ -31,7 +31,7 @@ class VirtualMarkerFit(MarkerMapper[VirtualMarkerFitConfig]):
     """A robot of the person's size follows markers and joints, the hands most exactly [tomic2018] section 3, T1 to T4.
 
     In the calibration pose the robot is scaled to the person and virtual markers are attached where the real ones are.
-    Then one step a frame of eq. 11 minimises the criterion of eqs. 7 to 9. Give the hands' targets to `contact_transition`:
+    Then one step a frame of eq. 11 minimises the criterion of eqs. 7 to 9. Put behind it `contact_transition`:
     they are the person's, out of reach of a robot of another size.
     """
 

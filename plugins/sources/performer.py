@@ -89,7 +89,7 @@ class PerformerConfig(Config):
         0.0,
         ge=0,
         le=60.0,
-        description="How long the arms are first held forward, palms down, as a calibration pose; not before t_pose [s].",
+        description="How long the arms are first held forward, palms down, to calibrate; not before t_pose [s].",
     )
     markers: Literal["none", "41"] = Field(
         "none", description="Optical markers on the skin: none or the set of 41 [-]."

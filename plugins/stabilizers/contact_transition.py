@@ -57,15 +57,15 @@ class ContactTransitionConfig(Config):
 
 
 class ContactTransition(Stabilizer[ContactTransitionConfig]):
-    """Own hand paths in the free, the person's at an object, the robot growing between [tomic2018] section 4, T7, T8, T11.
+    """Own hand paths in the free, the person's at an object, the robot growing between [tomic2018] T7, T8, T11.
 
     Without contact the hands go where the imitated joints, scaled locally into the limits, put them on the robot in its
-    own size (eq. 14). Within `radius_m` of a grip the model that gives the hands' targets grows to the person's size, and
-    its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends on the
-    distance of the person's hand alone, with no step in velocity; leaving is the same way back.
+    own size (eq. 14). Within `radius_m` of a grip the model that gives the hands' targets grows to the person's size,
+    its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends
+    on the distance of the person's hand alone, with no step in velocity; leaving is the same way back.
 
-    It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis is
-    anchored where the mapper has it, shifted by `placement_m`.
+    It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis
+    is     anchored where the mapper has it, shifted by `placement_m`.
     """
 
     name = "contact_transition"
@@ -90,7 +90,9 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         placed = (TaskKind.POSE, TaskKind.POSITION)
         self._hands = [(i, task) for i, task in enumerate(hands) if task is not None and task.kind in placed]
         self._posture = stack["posture"]
-        self._pelvis = stack["pelvis"] if "pelvis" in stack else None
+        self._pelvis = None
+        if "pelvis" in stack:
+            self._pelvis = stack["pelvis"]
         self.grips = None
         if c.object is not None:
             self.grips = Grips(self.environment, c.object, c.grip_offset_m, c.travel_m)
@@ -196,7 +198,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         shift, miss = Workspace(self.robot).nearest_placement(pelvis, poses, c.search_m, c.rise_m)
         if miss > 10 * REACHED:
             raise ImitorError(
-                f"'{c.object}' is out of the robot's workspace from every placement within {c.search_m} m: at the best, "
+                f"'{c.object}' is out of the robot's workspace from every placement within {c.search_m} m: at best, "
                 f"{shift.round(2).tolist()}, a hand misses by {miss:.3f} m or rad; raise search_m or rise_m, move the "
                 "object, or give placement_m"
             )

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
-from imitor.types import Array
+from imitor.types import Array, BoolArray
 
 
 class SavitzkyGolayConfig(Config):
@@ -23,7 +23,7 @@ class SavitzkyGolayConfig(Config):
     order: int = Field(3, ge=0, le=9, description="Degree of the polynomial, less than window [-].")
     centred: bool = Field(
         False,
-        description="Evaluate in the middle of the window: smoother, half a window late; no: at its newest sample, no delay.",
+        description="Evaluate in the middle of the window: smoother, half a window late; no: at its newest one, no delay.",
     )
 
     @model_validator(mode="after")
@@ -40,7 +40,7 @@ class SavitzkyGolayConfig(Config):
 class SavitzkyGolay(Stabilizer[SavitzkyGolayConfig]):
     """Smooth the hands' targets by least-squares polynomials over a moving window [savitzky1964], [tomic2018] T9.
 
-    Centred, it changes no polynomial of degree up to `order` and no phase, and delays everything by half a window, which
+    Centred, it changes no polynomial of degree up to `order` and no phase, and delays all by half a window, which
     the run accounts for: all tasks, the anchor and the contact are delayed alike. Otherwise it fits the samples so far.
     Rotations are smoothed as matrices and made rotations again.
     """
@@ -60,7 +60,7 @@ class SavitzkyGolay(Stabilizer[SavitzkyGolayConfig]):
     def reset(self) -> None:
         """Forget the samples."""
         self._past: dict[str, Array] = {}
-        self._flat: list[tuple[Array, Array, Array, str, Array, Array]] = []
+        self._flat: list[tuple[Array, BoolArray, Array, str, Array, BoolArray]] = []
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Replace the targets by smoothed ones."""

@@ -10,7 +10,7 @@ from imitor.types import Array
 class LocalLimits:
     """Scales a motion where it nears or passes the limits and leaves it as it is elsewhere.
 
-    Within ``margin`` of a limit the slope falls from 1 smoothly to 0, so that a motion with continuous velocity keeps it,
+    Within ``margin`` of a limit the slope falls from 1 smoothly to 0, so that velocities stay continuous,
     extremes stay extremes in the same order, and no value passes the limit.
 
     Args:

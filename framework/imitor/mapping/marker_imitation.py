@@ -1,7 +1,7 @@
 """A scaled robot that takes a person's poses: calibrated in a known pose, then led from frame to frame.
 
-Two ways to lead it: by the analytic step of [tomic2018] eq. 11 on markers and joints, or numerically on the markers alone
-as in [ude2004]. Joint limits do not count here: the scaled robot stands for the person.
+Two ways to lead it: by the analytic step of [tomic2018] eq. 11 on markers and joints, or numerically on the markers
+alone as in [ude2004]. Joint limits do not count here: the scaled robot stands for the person.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class MarkerImitation:
         real = np.stack([criterion.real_markers(f) for f in frames])
         position = np.stack([f.position for f in frames])
         mean = position[0].copy()
-        seen = np.isfinite(position).all(axis=2)
+        seen = np.asarray(np.isfinite(position).all(axis=2))
         for role in np.flatnonzero(seen.any(axis=0)):
             mean[role] = position[seen[:, role], role].mean(axis=0)
         if not np.isfinite(real).all(axis=(2, 3)).any(axis=0).all() or not real.shape[1]:
@@ -124,7 +124,7 @@ class MarkerImitation:
             model.q[:3] += 0.5 * (shoulders[0] + shoulders[1]) - at
         arms, index = self._placing
         placing = Criterion(model, arms, _PLACING, index)
-        frame = HumanFrame(0.0, mean, np.isfinite(mean).all(axis=1))
+        frame = HumanFrame(0.0, mean, np.asarray(np.isfinite(mean).all(axis=1)))
         goal, real = placing.targets(frame)
         for _ in range(
             _PLACING_STEPS

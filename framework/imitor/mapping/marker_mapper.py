@@ -24,7 +24,7 @@ class MarkerMapperConfig(Config):
     )
     pose: dict[str, float] | None = Field(
         None,
-        description="Joint values of the robot in the calibration pose, {S} and {s} for both sides, others 0; none: near "
+        description="Joint values of the robot in the calibration pose, {S} and {s} both sides, others 0; none: near "
         "the standing posture [rad].",
     )
 
@@ -35,8 +35,8 @@ C = TypeVar("C", bound=MarkerMapperConfig)
 class MarkerMapper(Mapper[C]):
     """Base of mappers that lead a scaled robot by markers; a subclass makes the imitation.
 
-    Declares the poses of the hands, which are those of the scaled robot and so the person's, the posture with the scaled
-    robot's joints, and the pose of its pelvis, which holds the place of the robot's: the waist is the anchor, over the
+    Declares the poses of the hands, which are those of the scaled robot and so the person's, the posture with its
+    joints, and the pose of its pelvis, which holds the place of the robot's: the waist is the anchor, over the
     place on the floor where the person's was in the calibration, facing the same way, as high as the robot stands.
     """
 

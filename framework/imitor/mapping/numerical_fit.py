@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from imitor.mapping.virtual_markers import Criterion
-from imitor.types import Array
+from imitor.types import Array, BoolArray
 
 _DELTA = 1e-6
 """Step of the finite differences [m or rad]."""
@@ -29,7 +29,7 @@ class NumericalFit:
         """Return the whole way to the fit of this frame."""
         model = criterion.model
         n = len(criterion.arms.markers)
-        seen = np.isfinite(goal[:n]).all(axis=1)
+        seen = np.asarray(np.isfinite(goal[:n]).all(axis=1))
         start = model.q.copy()
         way = np.zeros(model.columns.size)
         for _ in range(_MOST):
@@ -43,7 +43,7 @@ class NumericalFit:
                 J[:, k] = (self._errors(criterion, goal[:n], seen) - at) / _DELTA
                 model.q[:] = q
             step = -np.linalg.solve(J.T @ J + _DAMPING2 * np.eye(way.size), J.T @ at)
-            model.move(step)
+            model.move(np.asarray(step, dtype=float))
             way += step
             if np.abs(step).max() < _LEAST_STEP:
                 break
@@ -51,7 +51,7 @@ class NumericalFit:
         model.update()
         return way
 
-    def _errors(self, criterion: Criterion, goal: Array, seen: Array) -> Array:
+    def _errors(self, criterion: Criterion, goal: Array, seen: BoolArray) -> Array:
         model = criterion.model
         model.place()
         off = (goal - model.points()[: len(goal)])[seen].reshape(-1)

@@ -18,7 +18,7 @@ Trunk = Literal["prismatic", "free"]
 class ScaledModel:
     """A scaled robot whose trunk moves freely in place of the legs, and whose joints have no limits.
 
-    The 3 prismatic coordinates of the trunk stand for the legs [tomic2018] section 2.1 (T4); with ``free`` it turns too.
+    The 3 prismatic coordinates of the trunk stand for the legs [tomic2018] section 2.1 (T4); ``free``: it turns too.
 
     Args:
         robot: The robot in its own size.

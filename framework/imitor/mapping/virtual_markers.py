@@ -1,8 +1,8 @@
 r"""Real markers on a scaled robot: virtual marker frames, the imitation criterion and its analytic Jacobian.
 
 The criterion [tomic2018] eqs. 7 and 8 stacks, with weights :math:`\alpha, \beta, \gamma, \delta`, errors of marker
-positions, of shoulders and elbows, of the orientation of the hands' markers and of the hand joints. The orientation error
-is the vector part of a quaternion product, eq. 9, with real marker :math:`(\eta_r, e_r)` and virtual one
+positions, of shoulders and elbows, of the orientation of the hands' markers and of the hand joints. The orientation
+error is the vector part of a quaternion product, eq. 9, with real marker :math:`(\eta_r, e_r)` and virtual one
 :math:`(\eta_v, e_v)`
 
 .. math:: \Delta e = \eta_v e_r - \eta_r e_v - S(e_r) e_v .

@@ -67,7 +67,7 @@ def hold_arms_forward(score: Choreography, until: float) -> None:
             course = getattr(arm, name)
             course += share * (np.radians(degrees) - course)
         arm.abduction += (
-            np.radians(55.0) * 4.0 * share * (1.0 - share)
+            np.radians(30.0) * 4.0 * share * (1.0 - share)
         )  # down at the sides, past what is in front
 
 
