@@ -17,14 +17,20 @@ from imitor.human.scenarios import SCENARIOS, play
 from imitor.human.scenarios.scenario import Options
 
 ScenarioName = Literal[
+    "cut_with_knife",
+    "grate_food",
     "hand_updown",
     "open_close_drawer",
+    "paddle_canoe",
+    "pump_mattress",
     "single_leg_balance",
     "slow_dance",
     "squat",
     "stand",
     "step_forward",
     "t_pose",
+    "turn_steering_wheel",
+    "turn_valve",
     "two_steps_and_reach",
     "walk",
     "walk_in_place",
@@ -66,6 +72,25 @@ class PerformerConfig(Config):
     hand_speed_m_s: float = Field(
         0.6, gt=0, le=4.0, description="Greatest speed of the hand in every stroke of hand_updown [m/s]."
     )
+    pull_m: float | None = Field(
+        None,
+        ge=0.0,
+        le=0.6,
+        description="How far the drawer of open_close_drawer is pulled; null for the scenario's own [m].",
+    )
+    grip_m: float | None = Field(
+        None,
+        ge=0.0,
+        le=0.6,
+        description="How far from its middle each hand holds the handle of open_close_drawer; null for the scenario's "
+        "own [m].",
+    )
+    arms_forward_s: float = Field(
+        0.0,
+        ge=0,
+        le=60.0,
+        description="How long the arms are first held forward, palms down, to calibrate; not before t_pose [s].",
+    )
     markers: Literal["none", "41"] = Field(
         "none", description="Optical markers on the skin: none or the set of 41 [-]."
     )
@@ -84,6 +109,13 @@ class PerformerConfig(Config):
         ge=0,
         le=0.2,
         description="Standard deviation of the motion of skin and clothes over the bones, 0.5 to 4 Hz [m].",
+    )
+    joint_motion_m: float | None = Field(
+        None,
+        ge=0,
+        le=0.2,
+        description="The same for joint centres alone, for a system that estimates them from the markers; null: as "
+        "skin_motion_m [m].",
     )
     loss: float = Field(
         0.0, ge=0, lt=1.0, description="Probability that a captured point is lost in a frame [-]."
@@ -140,7 +172,16 @@ class Performer(Source[PerformerConfig]):
         """Perform the whole scenario."""
         c = self.config
         body = Body(c.height_m, c.sex, c.mass_kg, c.segment_ratios)
-        options = Options(c.side, c.speed, c.duration_s, c.step_length_m, c.hand_speed_m_s)
+        options = Options(
+            c.side,
+            c.speed,
+            c.duration_s,
+            c.step_length_m,
+            c.hand_speed_m_s,
+            c.arms_forward_s,
+            c.pull_m,
+            c.grip_m,
+        )
         truth = play(c.scenario, body, options, c.rate_hz)
         self.truth, self._captured = capture(
             truth,
@@ -154,6 +195,7 @@ class Performer(Source[PerformerConfig]):
                 c.loss,
                 c.loss_burst_s * c.rate_hz,
                 c.seed,
+                c.joint_motion_m,
             ),
         )
         self.rate_hz = c.rate_hz

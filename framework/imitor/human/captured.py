@@ -24,6 +24,7 @@ class Degradation:
         loss: Probability that a point is lost in a frame [-].
         burst_frames: Mean length of a loss [frames].
         seed: Seed of all of it.
+        joint_motion_m: As ``skin_motion_m`` for joint centres; ``None`` for the same.
     """
 
     noise_std_m: float = 0.0
@@ -32,6 +33,7 @@ class Degradation:
     loss: float = 0.0
     burst_frames: float = 1.0
     seed: int = 0
+    joint_motion_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,14 @@ def capture(
         The truth with the exact markers and targets, and what was captured.
     """
     truth = _dressed(truth, body, markers, targets)
+    joints = degradation
+    if degradation.joint_motion_m is not None:
+        joints = replace(degradation, skin_motion_m=degradation.joint_motion_m)
     roles, on_skin, rigid = (
-        _Channel(seed, truth.time_s, degradation)
-        for seed in np.random.SeedSequence(degradation.seed).spawn(3)
+        _Channel(seed, truth.time_s, kind)
+        for seed, kind in zip(
+            np.random.SeedSequence(degradation.seed).spawn(3), (joints, degradation, degradation), strict=True
+        )
     )
     position, valid = roles.points(truth.position)
     orientation = roles.rotations(truth.orientation, valid)

@@ -44,14 +44,16 @@ def open_close_drawer(score: Choreography, options: Options) -> None:
     t, H = score.time, score.height
     n = len(t)
     arm = arm_length(score)
-    travel, height, closed = 0.37 * arm, shoulder_height(score) - 0.57 * arm, 0.78 * arm
+    travel = 0.37 * arm if options.pull_m is None else options.pull_m
+    apart = 0.085 * H if options.grip_m is None else options.grip_m
+    height, closed = shoulder_height(score) - 0.57 * arm, 0.78 * arm
     pulled = plateau(t, 3.0, 5.0, 5.8, 7.8)
     near = plateau(t, 0.5, 2.6, 8.2, 10.2)
     score.grasped = (t >= 2.6) & (t <= 8.2)
     score.handle = np.tile(np.eye(4), (n, 1, 1))
     score.handle[:, :3, 3] = np.column_stack([closed - travel * pulled, np.zeros(n), np.full(n, height)])
     for side in SIDES:
-        hand = score.handle[:, :3, 3] + np.array([0.0, SIGN[side] * 0.085 * H, 0.0])
+        hand = score.handle[:, :3, 3] + np.array([0.0, SIGN[side] * apart, 0.0])
         yaw = np.full(n, -SIGN[side] * rad(88))
         score.reaches[side] = Reach(near, hand, yaw, np.array([-0.5, SIGN[side] * 0.45, -0.75]))
     bent = near * (1.0 - 0.8 * pulled)

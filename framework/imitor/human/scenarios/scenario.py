@@ -18,6 +18,10 @@ class Options:
         duration_s: Wanted length of the performance [s]; ``None`` for the scenario's own.
         step_length_m: Length of a step [m]; ``None`` for the scenario's own.
         hand_speed_m_s: Greatest speed of the hand in ``hand_updown`` [m/s].
+        arms_forward_s: How long the arms are held forward first, for calibration, before they sink and the motion
+            begins; 0 for not at all [s].
+        pull_m: How far ``open_close_drawer`` pulls the drawer; ``None`` for a share of the arm [m].
+        grip_m: How far from its middle each hand holds the drawer's handle; ``None`` for a share of the stature [m].
     """
 
     side: str | None = None
@@ -25,6 +29,9 @@ class Options:
     duration_s: float | None = None
     step_length_m: float | None = None
     hand_speed_m_s: float = 0.6
+    arms_forward_s: float = 0.0
+    pull_m: float | None = None
+    grip_m: float | None = None
 
 
 @dataclass(frozen=True)

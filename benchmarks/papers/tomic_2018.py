@@ -1,0 +1,121 @@
+"""The experiments of Tomic et al. (Robotica 2018), run again with the preset tomic_2018 (T10).
+
+    python benchmarks/papers/tomic_2018.py [TASK ...]
+
+Fits 19 builds in each task by both algorithms, runs the drawer task with the preset, and writes tables and figures into
+``docs/presets/tomic_2018.md``. Without tasks named all seven are done.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from experiment import Case, number, play
+from page import DOCS, figure, table, write
+from tomic_builds import ALGORITHMS, TASKS, builds, fit, survey
+
+from imitor.kinds import Record
+from imitor.pipeline import Pipeline
+from imitor.robot.model import RobotModel
+from imitor.types import SIDES, Array
+from imitor.visual.panels import BLUE, RED, Line, Panel
+
+PRESET = "tomic_2018"
+PROGRAM = f"benchmarks/papers/{PRESET}.py"
+
+
+def contact(pipeline: Pipeline, record: Record) -> Array:
+    """Return for both hands share of growth, distance [m] and angle [rad] from the person's, and the target (3,)."""
+    stage: Any = {c.name: c for _, c in pipeline.stages}
+    person = stage["virtual_marker_fit"].imitation.model.robot
+    share, robot = stage["contact_transition"].share, pipeline.robot
+    out = []
+    for i, side in enumerate(SIDES):
+        role = f"{side}_hand"
+        off = robot.position(role) - person.position(role)
+        turn = pin.log3(person.rotation(role).T @ robot.rotation(role))
+        out += [share[i], np.linalg.norm(off), np.linalg.norm(turn), *pipeline.stack[role].target[:3, 3]]
+    return np.array(out)
+
+
+def main() -> None:
+    """Run everything and write the page."""
+    tasks = tuple(sys.argv[1:]) or TASKS
+    unknown = set(tasks) - set(TASKS)
+    if unknown:
+        raise SystemExit(f"no task is called {', '.join(sorted(unknown))}; there are: {', '.join(TASKS)}")
+    robot = RobotModel.load("romeo")
+    command = " ".join([f"`python {PROGRAM}", *sys.argv[1:]]) + "`"
+    found = survey(robot, tasks)
+    own, other = (found[name] for name in ALGORITHMS)
+    build_mean = {name: 1e3 * found[name]["hand_mean_m"].mean(axis=1) for name in ALGORITHMS}
+    factor = build_mean[ALGORITHMS[1]] / build_mean[ALGORITHMS[0]]
+    p = play(PRESET, Case("drawer", "open_close_drawer"), observe=contact)
+    seen = p.observed.reshape(-1, 2, 6)
+    held = (seen[:, :, 0] >= 1.0).all(axis=1)
+    velocity = np.diff(seen[:, :, 3:], axis=0) * p.motion.rate_hz
+    rows = [
+        ["hands, mean of a build, of most and of the worst", "3 mm, 5 mm",
+         f"{number(np.median(build_mean[ALGORITHMS[0]]))} mm, {number(build_mean[ALGORITHMS[0]].max())} mm"],
+        ["hands, largest of any frame", "4 mm (drawer)", f"{number(1e3 * own['hand_max_m'].max())} mm"],
+        ["hands against where they really are, mean", "–", f"{number(1e3 * own['true_hand_mean_m'].mean())} mm"],
+        ["shoulders and elbows, largest", "25 mm", f"{number(1e3 * own['joint_max_m'].max(), 1)} mm"],
+        ["hands by markers alone, mean of a build, mean and worst", "worse",
+         f"{number(build_mean[ALGORITHMS[1]].mean(), 1)} mm, {number(build_mean[ALGORITHMS[1]].max(), 1)} mm"],
+        ["that factor, least of all builds", "> 1", number(factor.min(), 0)],
+        ["markers, mean: ours, markers alone", "worse, better",
+         f"{number(1e3 * own['marker_mean_m'].mean(), 1)} mm, {number(1e3 * other['marker_mean_m'].mean(), 1)} mm"],
+        ["contact on ROMEO: hands, largest", "the same",
+         f"{number(1e3 * seen[held, :, 1].max())} mm, {number(np.degrees(seen[held, :, 2].max()))}° in {held.sum()} frames"],
+        ["hand targets: largest speed; largest change of velocity from frame to frame", "–",
+         f"{number(np.linalg.norm(velocity, axis=2).max())} m/s, "
+         f"{number(np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(), 3)} m/s"],
+        ["joint limits passed, self-collisions", "none",
+         f"{p.figures['joint_limit_violation_frames']['count']}, {p.figures['self_collision_frames']['count']} frames"],
+    ]  # fmt: skip
+    text = [
+        f"Tasks: {', '.join(f'`{t}`' for t in tasks)}; 19 builds.\n",
+        table(["", "paper", "ours", "command"], [[*r, command] for r in rows]),
+        figure_8(build_mean), figure_6(robot),
+    ]  # fmt: skip
+    print("\n".join(text))
+    print(f"wrote {write(DOCS, PRESET, PROGRAM, chr(10).join(text))}")
+
+
+def figure_8(build_mean: dict[str, Array]) -> str:
+    """Draw the mean hand error of each build, as the paper's figure 8."""
+    x = np.arange(1.0, 20.0)
+    panels = [
+        Panel(f"{name}", "build", "mean error of the hands (mm)", [Line(x, build_mean[name], colour=colour)])
+        for name, colour in zip(ALGORITHMS, (BLUE, RED), strict=True)
+    ]
+    return figure(
+        DOCS, PRESET, "figure_8", panels, (1100, 380), 2, "Mean hand error of 19 builds, both algorithms"
+    )
+
+
+def figure_6(robot: RobotModel) -> str:
+    """Draw hand, shoulder and elbow errors of one build in the drawer task, as the paper's figure 6."""
+    fits = [fit(robot, name, "open_close_drawer", builds()[0]) for name in ALGORITHMS]
+    panels = []
+    for title, pick in (
+        ("hand joints", "hand_m"),
+        ("shoulders and elbows", "joint_m"),
+        ("orientation, eq. 9", "turn"),
+    ):
+        scale = 1.0 if pick == "turn" else 1e3
+        lines = [
+            Line(f.time_s, scale * getattr(f, pick).max(axis=1), name, colour)
+            for f, name, colour in zip(fits, ALGORITHMS, (BLUE, RED), strict=True)
+        ]
+        panels.append(Panel(title, "time (s)", "largest error" + ("" if pick == "turn" else " (mm)"), lines))
+    return figure(
+        DOCS, PRESET, "figure_6", panels, (1300, 380), 3, "Errors in the drawer task, both algorithms"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""From a robot's own hand paths to a person's where the hands take hold of something, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import Field
+
+from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
+from imitor.types import SIDES, Array
+
+Vector = tuple[float, float, float]
+
+
+class ContactTransitionConfig(Config):
+    """Options of the transition to contact."""
+
+    object: str | None = Field(
+        None, description="Name of the object of the environment that is held; none: no contact ever [-]."
+    )
+    grip_offset_m: Vector = Field(
+        (0.0, 0.0, 0.0),
+        description="The left hand's grip from the object's position, in world; mirrored for the right hand [m].",
+    )
+    travel_m: Vector = Field(
+        (0.0, 0.0, 0.0),
+        description="How far and where to the object moves when it is pulled or pushed, in world [m].",
+    )
+    radius_m: float = Field(
+        0.1, gt=0, description="Sphere around the grip within which the robot grows to the person's size [m]."
+    )
+    held_m: float = Field(
+        0.02,
+        ge=0,
+        description="A hand of the person this near its grip holds it: the robot has the full size [m].",
+    )
+    limit_margin: float = Field(
+        0.08, gt=0, lt=0.5, description="Share of a joint's range at its ends in which motion is scaled [-]."
+    )
+    calibration_s: float = Field(
+        1.0,
+        gt=0,
+        le=60,
+        description="Beginning of the recording that tells the person's segment lengths [s].",
+    )
+    placement_m: Vector | None = Field(
+        None,
+        description="Shift of the robot from the person's place: forward, left, up; none: the smallest from which the "
+        "hands reach their grips [m].",
+    )
+    search_m: float = Field(
+        0.6, ge=0, le=3, description="How far a placement is looked for, fore and aft [m]."
+    )
+    rise_m: float = Field(0.0, ge=0, le=2, description="How far a placement may raise the robot [m].")
+
+
+class ContactTransition(Stabilizer[ContactTransitionConfig]):
+    """Own hand paths in the free, the person's at an object, the robot growing between [tomic2018] T7, T8, T11.
+
+    Without contact the hands go where the imitated joints, scaled locally into the limits, put them on the robot in its
+    own size (eq. 14). Within `radius_m` of a grip the model that gives the hands' targets grows to the person's size,
+    its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends
+    on the distance of the person's hand alone, with no step in velocity; leaving is the same way back.
+
+    It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis
+    is     anchored where the mapper has it, shifted by `placement_m`.
+    """
+
+    name = "contact_transition"
+    needs_tasks = frozenset({"posture"})
+
+    @property
+    def calibration_s(self) -> float:
+        """How much of the recording tells the segment lengths [s]."""
+        return self.config.calibration_s
+
+    def declare(self, stack: TaskStack) -> None:
+        """Look up hands, posture and pelvis; find the object.
+
+        Raises:
+            ImitorError: The environment has no object of this name.
+        """
+        from imitor.contact.grips import Grips
+
+        c = self.config
+        names = [f"{side}_hand" for side in SIDES]
+        hands = [stack[name] if name in stack and not stack[name].relative_to else None for name in names]
+        placed = (TaskKind.POSE, TaskKind.POSITION)
+        self._hands = [(i, task) for i, task in enumerate(hands) if task is not None and task.kind in placed]
+        self._posture = stack["posture"]
+        self._pelvis = None
+        if "pelvis" in stack:
+            self._pelvis = stack["pelvis"]
+        self.grips = None
+        if c.object is not None:
+            self.grips = Grips(self.environment, c.object, c.grip_offset_m, c.travel_m)
+
+    def start(self) -> None:
+        """Prepare the limits and a robot in its own size."""
+        from imitor.contact.local_limits import LocalLimits
+
+        robot = self.robot
+        self._limits = LocalLimits(robot.lower, robot.upper, self.config.limit_margin)
+        moved = np.zeros(robot.nv)
+        for _, task in self._hands:
+            moved = np.maximum(moved, robot.ancestors(task.frame))
+        self._arms = moved[6:] > 0.0
+        self._grown = robot.scaled({})
+        self._size = 1.0
+
+    def calibrate(self, frames: Sequence[HumanFrame]) -> None:
+        """Take the person's size."""
+        from imitor.mapping.segment_factors import segment_factors
+
+        self._grown = self.robot.scaled(segment_factors(self.robot, frames))
+
+    def reset(self) -> None:
+        """Forget where the robot was placed."""
+        self.placement: Array | None = None
+        self.share: Array = np.zeros(2)
+
+    def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
+        """Write the targets of the hands, and place the pelvis."""
+        own = self._place(stack)
+        q = self._posture.target.copy()
+        modified = np.where(self._arms, self._limits(q), q)
+        pelvis = own if self._pelvis is None else self._pelvis.target
+        for i, task in self._hands:
+            hand = task.target if task.kind is TaskKind.POSITION else task.target[:3, 3]
+            self.share[i] = self._share(hand, i)
+            if self.share[i] >= 1.0:
+                continue  # the person's hand itself
+            pose = self._grown_hand(float(self.share[i]), task.frame, (own, pelvis), (modified, q))
+            if task.kind is TaskKind.POSITION:
+                task.target[:] = pose[:3, 3]
+            else:
+                task.target[:] = pose
+        self._posture.target[:] = modified  # beyond a limit it would hold a joint there that the hands need
+
+    def _share(self, hand: Array, side: int) -> float:
+        """Return the share of growth for a hand of the person: 0 outside the sphere, 1 at the grip."""
+        if self.grips is None:
+            return 0.0
+        c = self.config
+        s = (c.radius_m - self.grips.distance(hand, side)) / max(c.radius_m - c.held_m, 1e-6)
+        s = min(max(s, 0.0), 1.0)
+        return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)  # no step in velocity at either end
+
+    def _grown_hand(
+        self, share: float, role: str, pelvis: tuple[Array, Array], joints: tuple[Array, Array]
+    ) -> Array:
+        """Return the pose of a hand of the robot grown by a share, from its own pelvis and joints to the person's."""
+        from imitor.contact.blend import blend
+
+        if share != self._size:
+            self._grown.set_scale(share)
+            self._size = share
+        q = self._grown.standing.copy()
+        q[7:] = joints[0] + share * (joints[1] - joints[0])
+        self._grown.update(q)
+        self._grown.place(q, "waist", blend(pelvis[0], pelvis[1], share))
+        return self._grown.pose(role)
+
+    def _place(self, stack: TaskStack) -> Array:
+        """Anchor the robot's pelvis at its placement; return it, world from waist, shape (4, 4)."""
+        pose = stack.anchor_pose if stack.anchor == "waist" else self._standing_pelvis()
+        if self.placement is None:
+            given = self.config.placement_m
+            self.placement = self._found(pose) if given is None else np.asarray(given)
+        own = pose.copy()
+        own[:3, 3] += pose[:3, :3] @ self.placement
+        if self._pelvis is not None:
+            stack.anchor = "waist"
+            stack.anchor_pose[:] = own
+        return own
+
+    def _standing_pelvis(self) -> Array:
+        self._grown.set_scale(0.0)
+        self._size = 0.0
+        self._grown.update(self.robot.standing)
+        return self._grown.pose("waist")
+
+    def _found(self, pelvis: Array) -> Array:
+        """Return the nearest placement from which the grips are in the workspace, hands flat and forward."""
+        if self.grips is None or not self._hands:
+            return np.zeros(3)
+        from imitor.contact.placement import REACHED, Workspace
+        from imitor.errors import ImitorError
+
+        poses = []
+        for place in self.grips.places():
+            both = np.tile(pelvis, (2, 1, 1))
+            both[:, :3, 3] = place
+            poses.append([both[i] for i, _ in self._hands])
+        c = self.config
+        shift, miss = Workspace(self.robot).nearest_placement(pelvis, poses, c.search_m, c.rise_m)
+        if miss > 10 * REACHED:
+            raise ImitorError(
+                f"'{c.object}' is out of the robot's workspace from every placement within {c.search_m} m: at best, "
+                f"{shift.round(2).tolist()}, a hand misses by {miss:.3f} m or rad; raise search_m or rise_m, move the "
+                "object, or give placement_m"
+            )
+        return shift
+
+
+@hookimpl
+def imitor_components() -> list[type[Component[Any]]]:
+    """Register the stabilizer."""
+    return [ContactTransition]
