@@ -68,8 +68,8 @@ def main() -> None:
         ["that factor, least of all builds", "> 1", number(factor.min(), 0)],
         ["markers, mean: ours, markers alone", "worse, better",
          f"{number(1e3 * own['marker_mean_m'].mean(), 1)} mm, {number(1e3 * other['marker_mean_m'].mean(), 1)} mm"],
-        ["contact on ROMEO: hands, largest", "the same",
-         f"{number(1e3 * seen[held, :, 1].max())} mm, {number(np.degrees(seen[held, :, 2].max()))}° in {held.sum()} frames"],
+        ["contact on ROMEO: hands, largest", "same",
+         f"{number(1e3 * seen[held, :, 1].max())} mm, {number(np.degrees(seen[held, :, 2].max()))}°, {held.sum()} frames"],
         ["hand targets: largest speed; largest change of velocity from frame to frame", "–",
          f"{number(np.linalg.norm(velocity, axis=2).max())} m/s, "
          f"{number(np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(), 3)} m/s"],
