@@ -56,6 +56,7 @@ def main() -> None:
     p = play(PRESET, Case("drawer", "open_close_drawer"), observe=contact)
     seen = p.observed.reshape(-1, 2, 6)
     held = (seen[:, :, 0] >= 1.0).all(axis=1)
+    off_mm, off_deg = 1e3 * seen[held, :, 1].max(), np.degrees(seen[held, :, 2].max())
     velocity = np.diff(seen[:, :, 3:], axis=0) * p.motion.rate_hz
     rows = [
         ["hands, mean of a build, of most and of the worst", "3 mm, 5 mm",
@@ -68,9 +69,8 @@ def main() -> None:
         ["that factor, least of all builds", "> 1", number(factor.min(), 0)],
         ["markers, mean: ours, markers alone", "worse, better",
          f"{number(1e3 * own['marker_mean_m'].mean(), 1)} mm, {number(1e3 * other['marker_mean_m'].mean(), 1)} mm"],
-        ["contact on ROMEO: hands, largest", "the same",
-         f"{number(1e3 * seen[held, :, 1].max())} mm, {number(np.degrees(seen[held, :, 2].max()))}° "
-         f"in {held.sum()} frames"],
+        ["ROMEO in contact: hands", "same",
+         f"{number(off_mm)} mm, {number(off_deg)}°, {held.sum()} frames"],
         ["hand targets: largest speed; largest change of velocity from frame to frame", "–",
          f"{number(np.linalg.norm(velocity, axis=2).max())} m/s, "
          f"{number(np.linalg.norm(np.diff(velocity, axis=0), axis=2).max(), 3)} m/s"],

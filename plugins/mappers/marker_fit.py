@@ -17,7 +17,7 @@ class MarkerFitConfig(MarkerMapperConfig):
     """Options of the fit of markers alone."""
 
     prior: float = Field(
-        0.02,
+        0.01,
         ge=0,
         description="Pull towards the calibration pose, for joints that the markers hardly show [m/rad].",
     )

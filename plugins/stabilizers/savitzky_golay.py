@@ -23,7 +23,7 @@ class SavitzkyGolayConfig(Config):
     order: int = Field(3, ge=0, le=9, description="Degree of the polynomial, less than window [-].")
     centred: bool = Field(
         False,
-        description="Evaluate in the middle of the window: smoother, half a window late; no: at its end, no delay.",
+        description="Evaluate in the middle of the window: smoother, half a window late; no: at the newest.",
     )
 
     @model_validator(mode="after")

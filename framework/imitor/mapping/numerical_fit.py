@@ -10,7 +10,7 @@ from imitor.types import Array, BoolArray
 _DELTA = 1e-6
 """Step of the finite differences [m or rad]."""
 _MOST = 4
-_DAMPING2 = 0.005**2
+_DAMPING2 = 0.02**2
 _LEAST_STEP = 1e-5
 
 
