@@ -166,7 +166,9 @@ def stroke(p: Played) -> Stroke:
             ranges[way], least[way] = np.full((2, 2), np.nan), float("nan")
             continue
         ranges[way] = np.array([seen.min(axis=0), seen.max(axis=0)])
-        inside = np.nan_to_num(edge[used]) if way == "physics" else np.array(margins(seen, [hull] * len(seen)))
+        inside = (
+            np.nan_to_num(edge[used]) if way == "physics" else np.array(margins(seen, [hull] * len(seen)))
+        )
         least[way] = float(inside.min())
     wrists = (p.reference.role("right_wrist"), p.frame("right_wrist")[:, :3, 3])
     speeds = [np.linalg.norm(np.gradient(w, p.run.period_s, axis=0), axis=1)[rows] for w in wrists]
