@@ -111,7 +111,7 @@ def _pipelines() -> Iterator[Case]:
     )  # fmt: skip
     yield case(
         "a number out of range", "id: solve", "id: solve\n    damping: -1",
-        "p.yaml:11:14: stages[3].damping: input should be greater than 0, got -1",
+        "p.yaml:11:14: stages[3].damping: input should be greater than 0 or a list, got -1",
     )  # fmt: skip
     yield case(
         "a word for a number", "id: solve", "id: solve\n    iterations: many",
@@ -213,7 +213,7 @@ def _command_line() -> Iterator[Case]:
         ("an option of no stage", "check demo --set slove.damping=1",
          "--set slove.damping=1: no stage is called 'slove'; did you mean 'solve'?"),
         ("an option's value out of range", "check demo --set solve.damping=-1",
-         "--set solve.damping=-1: stages[3].damping: input should be greater than 0, got -1"),
+         "--set solve.damping=-1: stages[3].damping: input should be greater than 0 or a list, got -1"),
         ("a rate of nothing", "check demo --set rate_hz=0",
          "--set rate_hz=0: rate_hz: input should be greater than 0, got 0"),
         ("a swap for what is not there", "check demo --use solve=plako",

@@ -199,7 +199,7 @@ def test_losses_have_their_share_and_length(loss: float, burst_s: float) -> None
         ({"scenario": "wave", "duration_s": 5}, "'wave' at speed 1 needs at least 5.50 s, got 5"),
         ({"scenario": "wave", "step_length_m": 0.2}, "'wave' makes no step; scenarios that do: step_forward"),
         ({"segment_ratios": {"tigh": 1.1}}, "no segment is called 'tigh'; did you mean 'thigh'"),
-        ({"scenario": "jump"}, "Input should be 'hand_updown'"),
+        ({"scenario": "jump"}, "Input should be 'cut_with_knife'"),
         ({"loss": 1.0}, "less than 1"),
     ],
 )
