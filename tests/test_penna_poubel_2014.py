@@ -248,3 +248,22 @@ def test_bad_input_gives_no_unstable_command(change: Any) -> None:
         assert com_margin(pipeline) >= 0.005
         before = q.copy()
     pipeline.close()
+
+
+def test_the_body_stands_where_the_human_does() -> None:
+    """Feet and hands start in the human's place, wherever the recording has it."""
+    pipeline = preset(**{"source.scenario": "slow_dance", "rate_hz": 30})
+    first = next(iter(pipeline.source.frames()))
+    away = np.array([1.0, 0.5, 0.0])
+    moved = dataclasses.replace(first, position=first.position + away, com=first.com + away)
+    feet, hands = [], []
+    for frame in (first, moved):
+        pipeline.reset()
+        pipeline.step(frame)
+        feet.append([p[:2, 3].copy() for p in stabilizer(pipeline).place])
+        hands.append(pipeline.robot.position("left_hand") - pipeline.stack["left_hand"].target)
+    shift = np.diff(np.array(feet), axis=0)[0]
+    np.testing.assert_allclose(shift[0], shift[1], atol=1e-6)
+    assert np.linalg.norm(shift[0]) > 0.2
+    assert max(np.linalg.norm(h) for h in hands) < 0.005
+    pipeline.close()

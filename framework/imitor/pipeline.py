@@ -308,7 +308,7 @@ def _bound(component: Component[Any], stack: TaskStack) -> Step:
 
 
 class _Solved:
-    """What the solvers found, before post-processing: where they go on from in the next frame.
+    """What the last solver found, before the post-processing after it: where the first goes on from in the next frame.
 
     A solver that started from a corrected configuration would work against the correction frame after frame, and
     joints that neither holds would drift away. After a frame that was held, solvers start from the command: from where

@@ -207,6 +207,10 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         elif machine.step in (steps.LIFT, steps.LOWER):
             self._swing.hold()
         if machine.step is steps.LOWER and free is not None:
+            if not self._free_yaw:  # as it is turned now: a jump of the target is a jump of the robot
+                self.place[free][:3, :3] = self._yaw(
+                    self._heading_of(self.robot.rotation(self._feet[free].role))
+                )
             self.landing = self._landing_place(free)
 
     def _com_goal(self) -> Array:

@@ -38,7 +38,7 @@ class FootTasks:
 
     def wished_ankle(self, stack: TaskStack) -> Array:
         """Return where the mapper would have the ankle, in world, shape (3,) [m]."""
-        if self.ankle_role in stack:
+        if self.ankle_role in stack and stack[self.ankle_role].active[0]:
             return stack[self.ankle_role].target.copy()
         task = stack[self.role]
         if task.kind is TaskKind.POSE:
@@ -81,10 +81,10 @@ class FootTasks:
         task = stack[self.role]
         if task.kind is TaskKind.POSE:
             self._switch(stack, foot=True, air=False, sole=True)
-            task.target[:3, 3] = ankle - task.target[:3, :3] @ self.sole_to_ankle
+            task.target[:3, 3] = ankle - self._robot.rotation(self.role) @ self.sole_to_ankle
             task.mask[:] = (True, True, True, False, False, False)
             return
-        self._switch(stack, foot=True, air=False, sole=False)
+        self._switch(stack, foot=True, air=False, sole=True)
         robot = self._robot
         task.target[:] = ankle + robot.position(task.frame) - robot.position(self.ankle_role)
 

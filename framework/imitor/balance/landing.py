@@ -71,7 +71,7 @@ def landing_region(robot: RobotModel, *, free_yaw: bool) -> LandingRegion:
         robot.files.model.read_bytes(),
         robot.card.model_dump_json(),
         str(free_yaw),
-        f"{RAYS} {STEP} {FINE}",
+        f"{RAYS} {STEP} {FINE} {TOLERANCE} {APART_M} {_ITERATIONS}",
     )
     path = cache_folder() / "landing" / f"{robot.name}-{key}.npy"
     return LandingRegion(kept(path, lambda: _Explorer(robot.twin(), free_yaw).polygon()))

@@ -60,7 +60,7 @@ class Swing:
                 flat stays up.
             actual: Where the robot's ankle is, shape (3,) [m].
             ground: Height of the ankle when the sole is on the ground [m].
-            height: Height at which to go over the place [m]; a foot that is lower stays as low.
+            height: Height at which to go over the place [m]; a foot that is lower goes up first.
             flat: Whether the robot's sole is flat.
         """
         if not self.descends:
@@ -73,7 +73,10 @@ class Swing:
             if flat and (over or late):
                 self.descends = True
                 self._held = np.array([*(place if over else actual[:2]), ground])
-        return self._follower.step(self._held if self.descends else self._goal(place, height))
+        if self.descends:
+            return self._follower.step(self._held)
+        low = self._follower.at[2] < 0.5 * (ground + height)
+        return self._follower.step(self._goal(self._held[:2] if low else place, height))
 
     def _goal(self, place: Array, height: float) -> Array:
         return np.array([place[0], place[1], height])

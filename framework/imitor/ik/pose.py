@@ -69,8 +69,9 @@ class PoseFinder:
                 J, layout.e, g, [0], calm, _FLOOR2, limits, self._any_speed, first, _MAX_STEP_RAD
             )
             moved = np.concatenate([step[:first], self._coupling @ step[first:]])
-            q[:] = robot.integrate(q, moved) if first else q
-            if not first:
+            if first:
+                q[:] = robot.integrate(q, moved)
+            else:
                 joints += moved
             np.clip(joints, robot.lower, robot.upper, out=joints)
             robot.update(q)

@@ -16,7 +16,7 @@ _WEIGHTS = {"waist": 0.3, "chest": 0.3, "left_sole": 0.3, "right_sole": 0.3}
 class HumanJoints:
     """Joints that turn the robot's segments as the human's: no balance, no floor, no reach.
 
-    Found on a twin of the robot, hung up at its waist and warm-started from the last frame.
+    Found on a twin of the robot with a free base, by one step a frame from the last one.
 
     Args:
         robot: The robot.
@@ -49,6 +49,3 @@ class HumanJoints:
         self._finder.improve(self._q, self._steps, tolerance=1e-3)
         self._steps = 1
         return self._q[7:]
-
-
-__all__ = ["HumanJoints"]
