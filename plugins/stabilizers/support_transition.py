@@ -236,7 +236,7 @@ class SupportTransition(Stabilizer[SupportTransitionConfig]):
         """Write the tasks of the foot that is off the ground."""
         foot, swing, step = self._feet[i], self._swing, self.machine.step
         ground = float(foot.sole_to_ankle[2])
-        if step is self._steps.SINGLE:
+        if self._table[step].foot == "ankle":
             wish = foot.wished_ankle(stack)
             lowest = foot.over_floor(self.config.clearance_m)
             wish[2] = max(float(wish[2]), lowest)
