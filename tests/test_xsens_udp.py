@@ -389,7 +389,7 @@ def test_a_recording_without_orientations_cannot_be_sent() -> None:
         gives = frozenset({"markers"})
 
     with pytest.raises(
-        ImitorError, match=r"sends orientations of segments, and this recording .performer. has none"
+        ImitorError, match=r"sends how segments are turned, and this recording .performer. does not"
     ):
         XsensUdp.encoder(Bare(performer("stand").config))
 

@@ -8,14 +8,14 @@ from typing import Any
 from pydantic import Field
 
 from imitor import HumanFrame, Source, hookimpl
-from imitor.errors import ImitorError
 from imitor.live.body_options import BodyConfig
 from imitor.live.sample import Decoder, Sample
 from imitor.live.segment_body import SegmentBody
+from imitor.live.sendable import check_sendable
 from imitor.live.sender import Encoder
 from imitor.live.source import LiveSource
 from imitor.live.xsens_body import learn_body
-from imitor.live.xsens_sender import XsensEncoder, sendable
+from imitor.live.xsens_sender import XsensEncoder
 from imitor.live.xsens_wire import XsensDecoder, XsensPose
 
 
@@ -59,16 +59,7 @@ class XsensUdp(LiveSource[XsensUdpConfig]):
         Raises:
             ImitorError: The recording has no orientations, or lacks parts of the body.
         """
-        if "orientation" not in source.gives:
-            raise ImitorError(
-                f"'{cls.name}' sends orientations of segments, and this recording ({source.name}) has none; take one "
-                "of a skeleton, e.g. mvnx or bvh"
-            )
-        missing = sendable(source.skeleton)
-        if missing:
-            raise ImitorError(
-                f"'{cls.name}' sends a whole body, and this recording ({source.name}) has no {missing}"
-            )
+        check_sendable(cls.name, source)
         return XsensEncoder(source.skeleton, source.rate_hz)
 
 

@@ -14,7 +14,6 @@ from imitor.live.xsens_wire import header, write_pose
 from imitor.motion.mvnx_body import ON_SEGMENT, ORIGIN
 from imitor.motion.mvnx_file import SEGMENTS
 from imitor.motion.normalise import role
-from imitor.motion.skeletons import MAIN_ROLES
 from imitor.types import N_ROLES, ROLE_INDEX, SIDES, Array, HumanFrame, Skeleton
 
 _SENT: Final = tuple(dict.fromkeys(ORIGIN))
@@ -86,10 +85,4 @@ def _between(place: Array) -> Array:
     return out
 
 
-def sendable(skeleton: Skeleton) -> str:
-    """Return what a person lacks to be sent, in words; empty when nothing is."""
-    missing = [r for r in (*MAIN_ROLES, "chest") if not skeleton.has(r)]
-    return ", ".join(missing)
-
-
-__all__ = ["XsensEncoder", "sendable"]
+__all__ = ["XsensEncoder"]
