@@ -145,8 +145,9 @@ class LiveSource(Source[C]):
         c, out = self.config, []
         first = receiver.box.take(c.wait_s)
         if first is None:
+            why = self._nothing(receiver)  # while the socket still has its port
             self.close()
-            raise ImitorError(self._nothing(receiver))
+            raise ImitorError(why)
         out.append(first)
         while (left := out[0].at_s + c.learn_s - time.perf_counter()) > 0:
             arrival = receiver.box.take(left)
