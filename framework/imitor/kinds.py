@@ -210,6 +210,13 @@ class Mapper(_RobotStage[C]):
         """Declare the tasks; called once, before `TaskStack.compile`."""
         raise NotImplementedError
 
+    def missing(self, frame: HumanFrame) -> Sequence[str]:
+        """Return what it cannot do without and does not see; while there is something, the person counts as lost.
+
+        Single points that are not known are its own business: it releases their tasks or keeps their last targets.
+        """
+        return () if frame.valid.any() else ("the whole body",)
+
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame, the anchor and the contact."""
         raise NotImplementedError

@@ -28,10 +28,16 @@ from imitor.kinds import (
 )
 from imitor.registry import Registry
 from imitor.robot.model import RobotModel
+from imitor.safety.following import Following
 from imitor.safety.guard import Guard
+from imitor.safety.teleport import Teleport
+from imitor.safety.tracking import Request, State, Tracking
 from imitor.spec import PipelineSpec, StageSpec
 from imitor.tasks import TaskStack
-from imitor.types import Array, Configuration, HumanFrame, Skeleton
+from imitor.types import STATUS, Array, Configuration, HumanFrame, Skeleton
+
+HELD, STOPPED = STATUS.index("held"), STATUS.index("stopped")
+_STATUS_OF = {State.WAITING: HELD, State.HOLDING: HELD, State.PAUSED: HELD, State.STOPPED: STOPPED}
 
 
 class Pipeline:
@@ -49,6 +55,7 @@ class Pipeline:
         robot: The robot model, at the configuration so far.
         stack: The tasks.
         guard: What every command passes.
+        tracking: Where the tracking of the person stands.
         rate_hz: Output rate [Hz].
         n_frames: Number of commands, when known.
     """
@@ -79,6 +86,9 @@ class Pipeline:
         self.stack = TaskStack(self.robot.n)
         self._build()
         self.guard = Guard(self.robot, 1.0 / self.rate_hz)
+        self.tracking = Tracking(spec.tracking)
+        self._following = Following(spec.tracking, 1.0 / self.rate_hz)
+        self._teleport = Teleport(spec.tracking.human_m_s * max(spec.speed, 1.0))
         self.n_frames = self._count()
         self._bind()
         self.reset()
@@ -143,6 +153,7 @@ class Pipeline:
     def _bind(self) -> None:
         """Collect the bound steps once: nothing is looked up per frame."""
         self._filter_steps = [(where, c.step) for where, c in self.filters]
+        self._missing = [c.missing for _, c in self.stages if isinstance(c, Mapper)]
         stages = [(where, c) for where, c in self.stages if not isinstance(c, Filter)]
         self._steps = [(where, _bound(c, self.stack)) for where, c in stages]
         self._first_steps = [
@@ -163,6 +174,9 @@ class Pipeline:
         for _, component in self.stages:
             component.reset()
         self.guard.reset()
+        self.tracking.reset()
+        self._following.reset()
+        self._teleport.reset()
         self._solved.reset()
         self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         self.robot.update(self.state.q)
@@ -181,8 +195,12 @@ class Pipeline:
         for k in range(1, round(self.spec.settle_s * self.rate_hz) + 1):
             yield copied(last, last.time_s + k / self.rate_hz)
 
-    def step(self, frame: HumanFrame) -> HumanFrame:
-        """Compute the command of one human frame into ``self.state``; return the filtered frame.
+    def step(self, frame: HumanFrame, request: Request = Request.NONE) -> HumanFrame:
+        """Compute the command of one human frame into ``self.state``; return the frame that was followed.
+
+        Args:
+            frame: The person; nothing of them is valid where nothing was received.
+            request: What the operator asks for.
 
         Raises:
             RunError: A stage failed; says which and at which frame.
@@ -190,18 +208,26 @@ class Pipeline:
         where, time_s = "", frame.time_s
         frame = copied(frame, time_s)  # filters bind new arrays; the source's frame may be played again
         try:
+            where = "tracking"
+            frame = self._teleport.step(frame)
             for where, filter_step in self._filter_steps:  # noqa: B007
                 frame = filter_step(frame)
                 if frame is None:
                     raise ImitorError("a filter returns the frame, not None")
+            where = "tracking"
+            tracked, frame = self._follow(frame, request)
             state = self.state
-            if state.status:
-                self._solved.reset()
-            state.status = 0
-            for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
-                step(frame, state)
+            if tracked is State.STOPPED:
+                self._keep_command()
+            else:
+                state.status = 0
+                for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
+                    step(frame, state)
             where = "guard"
             self.guard.apply(self.stack, state)
+            if state.status:
+                self._solved.reset()
+            state.status = max(state.status, _STATUS_OF.get(tracked, 0))
             state.contact[:] = self.stack.contact
             state.sent = state.q.copy()
         except RunError as error:
@@ -212,6 +238,23 @@ class Pipeline:
             ) from error
         self._index += 1
         return frame
+
+    def _follow(self, frame: HumanFrame, request: Request) -> tuple[State, HumanFrame]:
+        """Return where the tracking stands and the person to follow."""
+        missing = [what for of in self._missing for what in of(frame)]
+        tracked = self.tracking.step(frame.time_s, not missing, request, ", ".join(missing))
+        frame = self._following.step(frame, tracked, self._teleport.left)
+        if tracked is State.RETURNING and self._following.returned:
+            self.tracking.returned()
+        return tracked, frame
+
+    def _keep_command(self) -> None:
+        """Ask for the last command again; the guard brakes."""
+        state = self.state
+        if state.sent is not None:
+            state.q[:] = state.sent
+        self.robot.update(state.q)
+        state.status = STOPPED
 
     def records(self, max_frames: int | None = None) -> Iterator[Record]:
         """Yield a record for each frame; it is the same object each time, valid until the next.

@@ -104,6 +104,8 @@ def run(
             Exception
         ) as error:  # a fault of ours or of an observer: what was finished is kept all the same
             result.status, result.message = "failed", f"after {result.frames} frames: {told(error)}"
+        if result.status == "done" and pipeline.tracking.report.stops:
+            result.status, result.message = "stopped", _stop_message(pipeline)
         if result.frames == 0 and result.status == "done":
             result.status, result.message = "failed", f"source {spec.source.name} gave no frame"
         _finish(result, sinks, pipeline, spec, registry)
@@ -111,6 +113,20 @@ def run(
         pipeline.close()
     registry.announce("finished" if result.status == "done" else "failed", {"result": result})
     return result
+
+
+def _stop_message(pipeline: Pipeline) -> str:
+    tracking = pipeline.tracking
+    times = "" if tracking.report.stops == 1 else f"; {tracking.report.stops} stops in all"
+    remedy = (
+        "; to go on once all is seen again: --set tracking.resume=automatic"
+        if tracking.options.resume == "request"
+        else ""
+    )
+    return (
+        f"emergency stop at {tracking.stopped_at_s:.3f} s: {tracking.why}; the robot kept its last "
+        f"safe command{times}{remedy}"
+    )
 
 
 def _run_directory(out_dir: Path | None, name: str) -> Path:
@@ -228,6 +244,7 @@ def _measure(
     guard = pipeline.guard.report
     figures["figures"]["guard_scaled_frames"] = {"value": guard.scaled, "frames": result.frames}
     figures["figures"]["guard_held_frames"] = {"value": guard.not_finite, "frames": result.frames}
+    figures["tracking"] = pipeline.tracking.report.figures()
     figures["status"], figures["message"] = result.status, result.message
     figures["source"] = {"skeleton": pipeline.skeleton.name, "notes": list(pipeline.skeleton.notes)}
     figures.update(extra)
