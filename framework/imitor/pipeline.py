@@ -25,6 +25,7 @@ from imitor.kinds import (
     Solver,
     Source,
     Stabilizer,
+    Tick,
 )
 from imitor.registry import Registry
 from imitor.robot.model import RobotModel
@@ -34,9 +35,12 @@ from imitor.safety.teleport import Teleport
 from imitor.safety.tracking import Request, State, Tracking
 from imitor.spec import PipelineSpec, StageSpec
 from imitor.tasks import TaskStack
-from imitor.types import STATUS, Array, Configuration, HumanFrame, Skeleton
+from imitor.types import N_ROLES, STATUS, Array, Configuration, HumanFrame, Skeleton, read_only
 
 HELD, STOPPED = STATUS.index("held"), STATUS.index("stopped")
+_LOST_POSITION = read_only(np.full((N_ROLES, 3), np.nan))
+_LOST_VALID = read_only(np.zeros(N_ROLES, dtype=np.bool_))
+_LOST_ORIENTATION = read_only(np.full((N_ROLES, 3, 3), np.nan))
 _STATUS_OF = {State.WAITING: HELD, State.HOLDING: HELD, State.PAUSED: HELD, State.STOPPED: STOPPED}
 
 
@@ -63,6 +67,7 @@ class Pipeline:
     def __init__(self, spec: PipelineSpec, registry: Registry) -> None:
         self.spec = spec
         self.stages: list[tuple[str, Component[Any]]] = []
+        self.calibrated_with: list[HumanFrame] = []
         self.source = self._start_source(spec.source, registry)
         try:
             self._assemble(spec, registry)
@@ -75,7 +80,7 @@ class Pipeline:
             raise ImitorError(
                 f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1"
             )
-        self.rate_hz = spec.rate_hz or self.source.rate_hz
+        self.rate_hz = self._rate()
         self.skeleton: Skeleton = self.source.skeleton
         self.robot = RobotModel.load(spec.robot, registry)
         context = Context(self.robot, self.skeleton, 1.0 / self.rate_hz, spec.environment)
@@ -104,6 +109,13 @@ class Pipeline:
             raise ImitorError(f"source {spec.name}: it has no frames; nothing was run")
         return source
 
+    def _rate(self) -> float:
+        """Return how often a command is computed [Hz]: of a live source, not oftener than something arrives."""
+        source, asked = self.source, self.spec.rate_hz
+        if asked is None:
+            return source.rate_hz
+        return min(asked, source.rate_hz) if source.live or source.ticks() is not None else asked
+
     def _build(self) -> None:
         for where, component in self.stages:
             with _at(where):
@@ -128,10 +140,10 @@ class Pipeline:
             raise ImitorError(
                 f"{where}: needs the whole recording first, but the source is live; give its result as options"
             )
-        frames = self._human_frames()
+        frames = self._human_frames(self.source.first_frames())
         if longest < WHOLE_RECORDING:
             frames = _first_seconds(frames, longest)
-        seen = list(frames)
+        seen = self.calibrated_with = list(frames)
         for where, component in self.stages:
             with _at(where):
                 if component.calibration_s > 0:
@@ -145,8 +157,8 @@ class Pipeline:
 
     def _count(self) -> int | None:
         n = self.source.n_frames
-        if n is None:
-            return None
+        if n is None or self.source.ticks() is not None:
+            return n
         ratio = self.rate_hz / (self.source.rate_hz * self.spec.speed)
         return int((n - 1) * ratio + 1e-9) + 1 + round(self.spec.settle_s * self.rate_hz)
 
@@ -181,10 +193,15 @@ class Pipeline:
         self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         self.robot.update(self.state.q)
         self._index = 0
+        self._last_seen: HumanFrame | None = None
+        self._record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
+        self._humans: deque[HumanFrame] = deque(
+            maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
+        )
 
-    def _human_frames(self) -> Iterator[HumanFrame]:
+    def _human_frames(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         speed = self.spec.speed
-        return at_rate(played(self.source.frames(), speed), self.source.rate_hz * speed, self.rate_hz)
+        return at_rate(played(frames, speed), self.source.rate_hz * speed, self.rate_hz)
 
     def _with_settling(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         last = None
@@ -257,37 +274,71 @@ class Pipeline:
         state.status = STOPPED
 
     def records(self, max_frames: int | None = None) -> Iterator[Record]:
-        """Yield a record for each frame; it is the same object each time, valid until the next.
+        """Yield a record for each frame of a recording; it is the same object each time, valid until the next.
 
         The delay that stages declare shifts time stamps: a command is recorded with the human frame it belongs to,
         and the run goes on until the last one is out. A filter with a delay returns earlier frames with their own
-        time stamps.
+        time stamps. The recording of a live run is played step by step as it was.
         """
-        delay = sum(c.delay_frames for _, c in self.stages)
-        frames = self._with_settling(self._human_frames())
-        if max_frames is not None:
-            frames = itertools.islice(frames, max_frames)
-        record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
-        clock = time.perf_counter
-        humans: deque[HumanFrame] = deque(
-            maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
-        )
-        frames = self._sound(_drained(frames, delay, 1.0 / self.rate_hz))
-        for i in itertools.count():
-            begin = clock()
-            frame = next(frames, None)
-            if frame is None:
+        ticks = self.source.ticks()
+        if ticks is None:
+            frames = self._with_settling(self._human_frames(self.source.frames()))
+            if max_frames is not None:
+                frames = itertools.islice(frames, max_frames)
+            frames = _drained(frames, self.delay_frames, 1.0 / self.rate_hz)
+            ticks = (Tick(frame.time_s, frame) for frame in frames)
+        elif max_frames is not None:
+            ticks = itertools.islice(ticks, max_frames)
+        ticks = self._sound(ticks)
+        while True:
+            begin = time.perf_counter()
+            tick = next(ticks, None)
+            if tick is None:
                 return
-            humans.append(self.step(frame))
-            record.compute_s = clock() - begin
-            if i < delay:
-                continue
-            record.index, record.human = i - delay, humans[0]
-            record.time_s = humans[0].time_s
-            yield record
+            record = self.advance(tick, begin)
+            if record is not None:
+                yield record
 
-    def _sound(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
-        """Yield the frames of the source; what goes wrong in it names it and its frame.
+    @property
+    def delay_frames(self) -> int:
+        """How many frames later a command comes than the human frame it belongs to [frames]."""
+        return sum(c.delay_frames for _, c in self.stages)
+
+    def advance(self, tick: Tick, begin_s: float | None = None) -> Record | None:
+        """Take one step; return the record of the command that it finishes, valid until the next step.
+
+        Args:
+            tick: What was received.
+            begin_s: When the work for this step began by the performance counter; default: now [s].
+        """
+        begin = time.perf_counter() if begin_s is None else begin_s
+        frame = self._nobody(tick.time_s) if tick.frame is None else tick.frame
+        self._last_seen = tick.frame or self._last_seen
+        self._humans.append(self.step(frame, Request(tick.request)))
+        if self._index <= self.delay_frames:
+            return None
+        record = self._record
+        record.compute_s = time.perf_counter() - begin
+        record.index, record.human = self._index - 1 - self.delay_frames, self._humans[0]
+        record.time_s = record.human.time_s
+        return record
+
+    def _nobody(self, time_s: float) -> HumanFrame:
+        """Return a frame in which nothing of the person is seen."""
+        skeleton = self.skeleton
+        frame = HumanFrame(time_s, _LOST_POSITION, _LOST_VALID)
+        if skeleton.marker_names:
+            n = len(skeleton.marker_names)
+            frame.marker, frame.marker_valid = np.full((n, 3), np.nan), np.zeros(n, dtype=np.bool_)
+        if skeleton.target_names:
+            n = len(skeleton.target_names)
+            frame.target, frame.target_valid = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.bool_)
+        if self._last_seen is not None and self._last_seen.orientation is not None:
+            frame.orientation = _LOST_ORIENTATION
+        return frame
+
+    def _sound(self, ticks: Iterator[Tick]) -> Iterator[Tick]:
+        """Yield the steps of the source; what goes wrong in it names it and its frame.
 
         Raises:
             RunError: The source failed, or time stands still or runs backwards.
@@ -295,17 +346,17 @@ class Pipeline:
         where, time_s = f"source {self.spec.source.name}", -math.inf
         for i in itertools.count():
             try:
-                frame = next(frames, None)
-                if frame is None:
+                tick = next(ticks, None)
+                if tick is None:
                     return
-                if not frame.time_s > time_s:
+                if not tick.time_s > time_s:
                     raise ImitorError(
-                        f"its time goes from {time_s:.6g} s to {frame.time_s:.6g} s; it must increase"
+                        f"its time goes from {time_s:.6g} s to {tick.time_s:.6g} s; it must increase"
                     )
-                time_s = frame.time_s
+                time_s = tick.time_s
             except Exception as error:  # whatever a plugin's source raises: the frames before are kept
                 raise RunError(f"{told(error)}. The frames before are kept.", frame=i, stage=where) from error
-            yield frame
+            yield tick
 
     def close(self) -> None:
         """Close the source and every stage."""
