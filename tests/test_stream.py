@@ -312,12 +312,11 @@ def test_a_source_that_does_not_listen_is_no_protocol(capsys: pytest.CaptureFixt
 
 def test_interruption_says_what_was_sent() -> None:
     command = [sys.executable, "-m", "imitor.cli", "stream", *STAND, "--to", "127.0.0.1:9", "--loop"]
-    child = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    assert child.stderr is not None
-    assert child.stderr.readline().startswith(
-        "sending 6.0 s over and over at 120 Hz as joints_udp to 127.0.0.1:9"
-    )
-    child.send_signal(signal.SIGINT)
-    rest = child.stderr.read()
-    assert child.wait(20) == 130
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
+        assert child.stderr is not None
+        first = child.stderr.readline()
+        child.send_signal(signal.SIGINT)
+        rest = child.stderr.read()
+        assert child.wait(20) == 130
+    assert first.startswith("sending 6.0 s over and over at 120 Hz as joints_udp to 127.0.0.1:9")
     assert rest.startswith("interrupted: sent ") and "Traceback" not in rest
