@@ -97,7 +97,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("registered", COMPONENTS, ids=[f"{r.kind}-{r.name}" for r in COMPONENTS])
 def test_it_keeps_the_contract_of_its_kind(registered: Registered, tmp_path: Path) -> None:
     if registered.component.extra:
-        pytest.importorskip({"c3d": "ezc3d"}[registered.component.extra])
+        pytest.importorskip({"c3d": "ezc3d", "osc": "pythonosc"}[registered.component.extra])
     options = OPTIONS[registered.name](tmp_path) if registered.name in OPTIONS else None
     testing.check_component(registered.component, options)
 
