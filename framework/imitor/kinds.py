@@ -301,6 +301,7 @@ class RunInfo:
         pipeline: The resolved pipeline, every default written out, as YAML text.
         pipeline_name: Its name, for titles.
         view: Whether the user asked for a window (``--view``).
+        live: Whether frames come in real time, at the output rate; of a recording they come as fast as they are made.
     """
 
     out_dir: Path
@@ -313,6 +314,7 @@ class RunInfo:
     pipeline: str = ""
     pipeline_name: str = ""
     view: bool = False
+    live: bool = False
 
 
 @dataclass(slots=True)
@@ -336,9 +338,14 @@ class SinkReport:
 
 
 class Sink(Component[C]):
-    """Takes the finished frames to the outside world: a file, a viewer, a robot."""
+    """Takes the finished frames to the outside world: a file, a viewer, a robot.
+
+    Attributes:
+        realtime: Whether it wants commands at the output rate by the clock, as a robot does, or every frame once.
+    """
 
     kind = "sink"
+    realtime: ClassVar[bool] = False
 
     def open(self, run: RunInfo) -> None:
         """Get ready: check the folder, open the window."""
