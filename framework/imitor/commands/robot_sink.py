@@ -110,6 +110,10 @@ class RobotSink(Sink[C]):
         """
         raise NotImplementedError
 
+    def rest(self, command: Command) -> None:
+        """Send the last command once more, with all velocities zero."""
+        self.send(command)
+
     def figures(self) -> dict[str, Any]:
         """Return figures of the protocol for the report."""
         return {}
@@ -179,6 +183,8 @@ class RobotSink(Sink[C]):
                 f"the robot tells that {robot.joint_names[worst]} is at {joints[worst]:.2f} rad, outside "
                 f"{self._lower[worst]:.2f} to {self._upper[worst]:.2f}, so it is not moved; is it a {robot.name}?"
             )
+        if robot.coupling is not None:  # measured twice, moved by one motor: the first one counts
+            joints = robot.coupling @ joints[robot.coupling.argmax(axis=0)]
         return joints
 
     def write(self, record: Record) -> None:
@@ -240,7 +246,7 @@ class RobotSink(Sink[C]):
             c.v[:] = 0.0
             c.index += 1
             with contextlib.suppress(Hiccup):
-                self.send(c)
+                self.rest(c)
         figures = {
             "armed": self.armed,
             "commands": max(c.index + 1 - self._finished, 0),
