@@ -63,11 +63,13 @@ def test_version(capsys: pytest.CaptureFixture[str]) -> None:
 def test_help_names_every_command(capsys: pytest.CaptureFixture[str]) -> None:
     status, out, err = call(capsys, "--help")
     assert (status, err) == (0, "")
-    for command in ("run", "check", "list", "show", "evaluate", "robot", "new", "schema"):
+    for command in ("run", "stream", "check", "list", "show", "evaluate", "robot", "new", "schema"):
         assert f"\n    {command} " in out
 
 
-@pytest.mark.parametrize("command", ["run", "check", "list", "show", "evaluate", "robot", "new", "schema"])
+@pytest.mark.parametrize(
+    "command", ["run", "stream", "check", "list", "show", "evaluate", "robot", "new", "schema"]
+)
 def test_each_command_has_help(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     status, out, _ = call(capsys, command, "--help")
     assert status == 0

@@ -31,14 +31,14 @@ class _Parser(argparse.ArgumentParser):
 
 def parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line."""
-    from imitor.cli import check, evaluate, list_, new, robot, run, schema, show
+    from imitor.cli import check, evaluate, list_, new, robot, run, schema, show, stream
 
     top = _Parser(
         prog="imitor", description="Humanoid robots imitate whole-body human motion.", epilog=_EPILOG
     )
     top.add_argument("--version", action="version", version=f"imitor {imitor.__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
-    for module in (run, check, list_, show, evaluate, robot, new, schema):
+    for module in (run, stream, check, list_, show, evaluate, robot, new, schema):
         text = (module.__doc__ or "").strip()
         name = module.__name__.rsplit(".", 1)[1].rstrip("_")
         command = commands.add_parser(

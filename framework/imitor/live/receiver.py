@@ -24,6 +24,8 @@ RESTART_AFTER: Final = 1000
 """A count that falls by more is a sender that began anew, not a late datagram [samples]."""
 SILENCE_S: Final = 1.0
 """After so long a silence any count is a new beginning [s]."""
+NO_USE: Final = (BadDatagram, ValueError, IndexError, KeyError, OverflowError, RecursionError, struct.error)
+"""What a decoder raises at a datagram that is no use."""
 _POLL_S: Final = 0.2
 
 
@@ -125,7 +127,7 @@ class Receiver:
         except Foreign:
             r.foreign += 1
             return
-        except (BadDatagram, ValueError, IndexError, KeyError, OverflowError, struct.error):
+        except NO_USE:
             r.malformed += 1
             return
         if sample is not None and self._order.accepts(sample.counter, at_s):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
+from imitor.errors import ImitorError
+from imitor.kinds import Source
 from imitor.types import HumanFrame
 
 
@@ -20,4 +22,16 @@ class Encoder(Protocol):
         """
 
 
-__all__ = ["Encoder"]
+def lacking(protocol: str, source: Source[Any], what: str, remedy: str) -> ImitorError:
+    """Return the error of an encoder that needs what a recording has not.
+
+    Args:
+        protocol: Name of the live source.
+        source: The recording's source.
+        what: What is needed, in the plural: ``markers``.
+        remedy: Which recordings have it.
+    """
+    return ImitorError(f"'{protocol}' sends {what}, and this recording ({source.name}) has none; {remedy}")
+
+
+__all__ = ["Encoder", "lacking"]

@@ -22,6 +22,8 @@ LENGTHS: Final = {
     "forearm": ("elbow", "wrist", 0.146), "palm": ("wrist", "hand", 0.054), "foot": ("ankle", "toe", 0.076),
 }  # fmt: skip
 """Segments of the limbs: ends, and the usual length as a fraction of stature [winter2009]."""
+TIP_M: Final = 0.01
+"""Height of the tip of the toes over the floor [m]."""
 WIDTHS: Final = {"shoulder": 0.21, "hip": 0.1}
 """Distances of left and right joint centres as fractions of stature."""
 
@@ -114,6 +116,8 @@ def rest_pose(position: Array, height_m: float, ankle_m: float, toe_m: float, ro
         ahead = np.sqrt(max(length["foot"] ** 2 - (ankle_m - toe_m) ** 2, (0.5 * length["foot"]) ** 2))
         put(f"{side}_toe", float(ahead), y, toe_m)
         put(f"{side}_heel", -_behind(position, ankle_m), y, 0.0)
+        tip = both_sides(position, "toe", "toe_tip")
+        put(f"{side}_toe_tip", float(ahead) + (tip if np.isfinite(tip) else 0.0), y, min(toe_m, TIP_M))
     return rest
 
 

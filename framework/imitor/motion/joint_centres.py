@@ -1,5 +1,7 @@
 """Joint centres from markers on the skin, by published regressions, for a whole clip at once.
 
+`frame_centres` does the same for one frame.
+
 | centre | from |
 | --- | --- |
 | hip | the anterior iliac spines: of their distance 14 % inwards, 22 % back, 30 % down [bell1989] |
@@ -16,6 +18,7 @@ where a marker is lost.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -44,9 +47,47 @@ NECK_DEPTH: Final = 0.035
 """From C7 or the jugular notch to the middle of both as a fraction of stature [-], for sets with one of them."""
 DEFAULT_SHOULDERS_M: Final = 0.36
 """Distance of the acromions [m], where only one is seen."""
-_PASSES: Final = 3
-_BENT: Final = 0.25
+PASSES: Final = 3
+"""How often the elbow's axis is found again from a better centre."""
+BENT: Final = 0.25
 """Sine of the elbow's bend from which on it tells the elbow's axis [-]."""
+
+
+@dataclass(frozen=True)
+class CentreFit:
+    """What is constant of a person: found once over a clip, then good for every frame.
+
+    Attributes:
+        height_m: Stature, for what the set has no marker for [m].
+        pelvis_m: Distance of the anterior iliac spines [m].
+        shoulders_m: Distance of the acromions [m].
+        head: Whether a head band was ever seen.
+    """
+
+    height_m: float
+    pelvis_m: float
+    shoulders_m: float
+    head: bool
+
+
+def fit_centres(points: Points, height_m: float) -> CentreFit:
+    """Find what is constant of a person.
+
+    Args:
+        points: Landmark to positions, shape (T, 3) [m].
+        height_m: Stature [m].
+    """
+    left, right = (points.get(f"{s}_shoulder") for s in SIDES)
+    shoulders = DEFAULT_SHOULDERS_M
+    if left is not None and right is not None:
+        found = median(np.linalg.norm(left - right, axis=-1))
+        shoulders = found if np.isfinite(found) else shoulders
+    return CentreFit(
+        height_m=height_m,
+        pelvis_m=median(np.linalg.norm(points["left_asis"] - points["right_asis"], axis=-1)),
+        shoulders_m=shoulders,
+        head="head" in points and bool(np.isfinite(points["head"]).any()),
+    )
 
 
 def joint_centres(points: Points, height_m: float) -> Array:
@@ -56,6 +97,7 @@ def joint_centres(points: Points, height_m: float) -> Array:
         points: Landmark to positions, shape (T, 3) [m].
         height_m: Stature, for what the set has no marker for [m].
     """
+    fit = fit_centres(points, height_m)
     frames = len(next(iter(points.values())))
     out = np.full((frames, N_ROLES, 3), np.nan)
 
@@ -63,11 +105,11 @@ def joint_centres(points: Points, height_m: float) -> Array:
         if place is not None:
             out[:, ROLE_INDEX[name]] = place
 
-    lateral, forward, up, width = _pelvis(points)
+    lateral, forward, up = _pelvis(points)
     hips = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         spine = points[f"{side}_asis"]
-        hips[side] = spine + width * (-sign * INWARDS * lateral - BACK * forward - DOWN * up)
+        hips[side] = spine + fit.pelvis_m * (-sign * INWARDS * lateral - BACK * forward - DOWN * up)
         put(f"{side}_hip", hips[side])
     pelvis = 0.5 * (hips["left"] + hips["right"])
     put("pelvis", pelvis)
@@ -76,25 +118,25 @@ def joint_centres(points: Points, height_m: float) -> Array:
     across = _shoulder_line(points)
     shoulders = {}
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        shoulders[side] = _shoulder(points, side, trunk)
+        shoulders[side] = _shoulder(points, side, trunk, fit)
         put(f"{side}_shoulder", shoulders[side])
         _leg(out, points, side, sign, lateral, hips[side])
         if shoulders[side] is not None:
             _arm(out, points, side, sign, shoulders[side], across)
     put("neck", neck)
-    put("head", _head(points, neck, trunk, height_m))
+    put("head", _head(points, neck, trunk, fit))
     put("chest", _chest(points, pelvis, neck, shoulders))
     return out
 
 
-def _pelvis(points: Points) -> tuple[Array, Array, Array, float]:
-    """Return the pelvis' axes to the left, forward and up, shape (T, 3), and its width between the front spines [m]."""
+def _pelvis(points: Points) -> tuple[Array, Array, Array]:
+    """Return the pelvis' axes to the left, forward and up, shape (T, 3)."""
     left, right = points["left_asis"], points["right_asis"]
     back = points["sacrum"] if "sacrum" in points else 0.5 * (points["left_psis"] + points["right_psis"])
     lateral = direction(left - right)
     ahead = 0.5 * (left + right) - back
     forward = direction(ahead - lateral * (ahead * lateral).sum(-1, keepdims=True))
-    return lateral, forward, _cross(forward, lateral), median(np.linalg.norm(left - right, axis=-1))
+    return lateral, forward, _cross(forward, lateral)
 
 
 def _shoulder_line(points: Points) -> Array | None:
@@ -116,23 +158,15 @@ def _neck(points: Points, pelvis: Array, forward: Array, height_m: float) -> Arr
     return np.asarray(one + (1.0 if one is c7 else -1.0) * NECK_DEPTH * height_m * ahead)
 
 
-def _shoulder(points: Points, side: str, trunk: Array) -> Array | None:
+def _shoulder(points: Points, side: str, trunk: Array, fit: CentreFit) -> Array | None:
     acromion = points.get(f"{side}_shoulder")
-    if acromion is None:
-        return None
-    left, right = (points.get(f"{s}_shoulder") for s in SIDES)
-    width = DEFAULT_SHOULDERS_M
-    if left is not None and right is not None:
-        found = median(np.linalg.norm(left - right, axis=-1))
-        width = found if np.isfinite(found) else width
-    return np.asarray(acromion - SHOULDER_DROP * width * trunk)
+    return None if acromion is None else np.asarray(acromion - SHOULDER_DROP * fit.shoulders_m * trunk)
 
 
-def _head(points: Points, neck: Array, trunk: Array, height_m: float) -> Array:
-    band = points.get("head")
-    if band is None or not np.isfinite(band).any():
-        return np.asarray(neck + HEAD_OVER_NECK * height_m * trunk)
-    return np.asarray(neck + HEAD_SHARE * (band - neck))
+def _head(points: Points, neck: Array, trunk: Array, fit: CentreFit) -> Array:
+    if not fit.head:
+        return np.asarray(neck + HEAD_OVER_NECK * fit.height_m * trunk)
+    return np.asarray(neck + HEAD_SHARE * (points["head"] - neck))
 
 
 def _chest(points: Points, pelvis: Array, neck: Array, shoulders: Mapping[str, Array | None]) -> Array:
@@ -183,7 +217,7 @@ def _arm(
     if elbow is None:
         elbow = outer
         for _ in range(
-            _PASSES
+            PASSES
         ):  # the marker lies beside the plane of the arm: the axis gets better with the centre
             axis = elbow_axis(shoulder, elbow, wrist, across)
             if axis is None:
@@ -237,11 +271,11 @@ def elbow_axis(shoulder: Array, elbow: Array, wrist: Array | None, across: Array
     upper, lower = direction(elbow - shoulder), direction(wrist - elbow)
     normal = _cross(lower, upper)
     bend = np.linalg.norm(normal, axis=-1)
-    bent = np.flatnonzero(bend > _BENT)
+    bent = np.flatnonzero(bend > BENT)
     if not len(bent):
         return across
     axis = np.asarray(direction(normal))
-    straight = np.flatnonzero(~(bend > _BENT) & np.isfinite(bend))
+    straight = np.flatnonzero(~(bend > BENT) & np.isfinite(bend))
     for k in range(3):
         axis[straight, k] = np.interp(straight, bent, axis[bent, k])
     axis -= upper * (axis * upper).sum(-1, keepdims=True)

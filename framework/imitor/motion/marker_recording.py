@@ -11,7 +11,7 @@ import numpy as np
 from imitor.errors import SourceError
 from imitor.motion.body_lengths import LENGTHS, both_sides, median, rest_pose
 from imitor.motion.clip import Clip, window
-from imitor.motion.joint_centres import joint_centres
+from imitor.motion.joint_centres import CentreFit, fit_centres, joint_centres
 from imitor.motion.kinect_body import side_evidence
 from imitor.motion.marker_file import MarkerFile, find_gaps
 from imitor.motion.marker_sets import BACKS, NEEDED, TOPS, MarkerSetFit
@@ -58,10 +58,52 @@ class MarkerOptions:
     sex: str = "male"
 
 
+@dataclass(frozen=True)
+class MarkerLearning:
+    """What a recording showed of a person and a room, good for every other frame.
+
+    Attributes:
+        clip: The recording in our world.
+        scale: Metres per unit of the recording.
+        world: Our world from the recording's axes, shape (3, 3).
+        floor_m: Height of the floor in the recording, after turning and scaling [m].
+        centres: The constants of the joint centres.
+        landmarks: The landmarks that were seen.
+        heels: The way from the marker of each heel down to the sole, in the axes of the foot, shape (3,) [m]; none
+            where the foot was never seen flat.
+    """
+
+    clip: Clip
+    scale: float
+    world: Array
+    floor_m: float
+    centres: CentreFit
+    landmarks: tuple[str, ...]
+    heels: tuple[Array | None, Array | None]
+
+
 def make_marker_recording(
     path: str | Path, file: MarkerFile, fit: MarkerSetFit, options: MarkerOptions
 ) -> Clip:
     """Bring a recording into our world.
+
+    Args:
+        path: The file, for messages.
+        file: What it says.
+        fit: Its marker set.
+        options: What the user says about it.
+
+    Raises:
+        SourceError: There is no body in it, it is mirrored, or no frame is left.
+    """
+    clip = learn_markers(path, file, fit, options).clip
+    return clip.part(*window(path, len(clip), file.rate_hz, options.start_s, options.stop_s))
+
+
+def learn_markers(
+    path: str | Path, file: MarkerFile, fit: MarkerSetFit, options: MarkerOptions
+) -> MarkerLearning:
+    """Bring a recording into our world whole, and return what was learned on the way.
 
     Args:
         path: The file, for messages.
@@ -99,7 +141,8 @@ def make_marker_recording(
     position[..., 2] -= floor
     marker[..., 2] -= floor
     ankle_m, toe_m = foot_heights(stance, floor, height_m)
-    _put_heels_down(position, stance.flat)
+    heels = find_heels(position, stance.flat)
+    _put_heels_down(position, heels)
     _check_sides(path, position, notes)
     notes.append(f"stature {height_m:.2f} m" + (" as given" if options.height_m else ""))
     notes.append(f"rate: {file.rate_hz:g} Hz")
@@ -129,7 +172,8 @@ def make_marker_recording(
     }  # fmt: skip
     seen: BoolArray = np.asarray(np.isfinite(marker).all(axis=-1))
     clip = Clip(skeleton, file.rate_hz, position, valid, facts, marker=marker, marker_valid=seen)
-    return clip.part(*window(path, len(clip), file.rate_hz, options.start_s, options.stop_s))
+    centres = fit_centres(points, height_m)
+    return MarkerLearning(clip, UNITS[unit], world, floor, centres, tuple(points), heels)
 
 
 def _unit(
@@ -235,21 +279,42 @@ def find_stance_with_gaps(position: Array, rate_hz: float, height_m: float) -> S
     return Stance(stance.floor_m, stance.height_m, flat)
 
 
-def _put_heels_down(position: Array, flat: BoolArray) -> None:
-    """Move the heels from the back of the shoe, where the markers are, down to the sole.
+def find_heels(position: Array, flat: BoolArray) -> tuple[Array | None, Array | None]:
+    """Find the way from the back of the shoe, where the markers of the heels are, down to the sole.
 
     What leads down to the floor when the foot stands flat is fixed in the foot: in the axes of heel, toe and ankle.
+
+    Args:
+        position: Role positions, the floor at z = 0, shape (T, R, 3) [m].
+        flat: When each foot stands flat, shape (T, 2).
+
+    Returns:
+        The way for each side, in the axes of the foot, shape (3,) [m]; none for a foot that is never flat.
     """
+    found: list[Array | None] = []
     for i, side in enumerate(SIDES):
-        ankle, heel, toe = (role(position, f"{side}_{name}") for name in ("ankle", "heel", "toe"))
-        ahead = direction(toe - heel)
-        rise = ankle - heel
-        second = direction(rise - ahead * (rise * ahead).sum(-1, keepdims=True))
-        axes = np.stack([ahead, second, np.cross(ahead, second)], axis=-1)  # world from foot
+        heel, axes = _foot_axes(position, side)
         down = (np.swapaxes(axes, 1, 2) @ (heel * (0.0, 0.0, -1.0))[..., None])[..., 0]
         down = down[flat[:, i] & np.isfinite(down).all(axis=-1)]
-        if len(down):
-            position[:, ROLE_INDEX[f"{side}_heel"]] = heel + axes @ np.median(down, axis=0)
+        found.append(np.asarray(np.median(down, axis=0)) if len(down) else None)
+    return found[0], found[1]
+
+
+def _foot_axes(position: Array, side: str) -> tuple[Array, Array]:
+    """Return the heel, shape (T, 3), and the foot's axes: ahead, towards the ankle, across, shape (T, 3, 3)."""
+    ankle, heel, toe = (role(position, f"{side}_{name}") for name in ("ankle", "heel", "toe"))
+    ahead = direction(toe - heel)
+    rise = ankle - heel
+    second = direction(rise - ahead * (rise * ahead).sum(-1, keepdims=True))
+    return heel, np.stack([ahead, second, np.cross(ahead, second)], axis=-1)  # world from foot
+
+
+def _put_heels_down(position: Array, heels: tuple[Array | None, Array | None]) -> None:
+    """Move the heels down to the sole."""
+    for side, down in zip(SIDES, heels, strict=True):
+        if down is not None:
+            heel, axes = _foot_axes(position, side)
+            position[:, ROLE_INDEX[f"{side}_heel"]] = heel + axes @ down
 
 
 def _check_needs(path: str | Path, fit: MarkerSetFit, points: dict[str, Array]) -> None:

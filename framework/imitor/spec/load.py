@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -63,6 +64,38 @@ def load_text(text: str, registry: Registry, path: str = "<text>") -> PipelineSp
     return _Loader(text, path, registry, None).build()
 
 
+def load_source(
+    registry: Registry, *, input: Path | None = None, source: str | None = None, sets: Sequence[str] = ()
+) -> StageSpec:
+    """Return a source without a pipeline, by the options of the command line alone.
+
+    Args:
+        registry: The plugins.
+        input: A recording, read by the source that recognises it.
+        source: Name of the source to use.
+        sets: ``source.option=value`` each.
+
+    Raises:
+        SpecError: Something is wrong; carries every problem found.
+    """
+    loader = _Loader("source: {}", "command line", registry, None)
+    loader.change_inputs(None, input, source)
+    loader.problems = [replace(p, path=p.path.removeprefix("--input ")) for p in loader.problems]
+    for text in sets:
+        if text.startswith("source."):
+            loader.change_stages([text], (), ())
+        else:
+            message = "there is only a source here"
+            loader.problems.append(Problem(f"--set {text}", 0, 0, "", message, "write source.option=value"))
+    entry = None
+    if not loader.problems:
+        entry = loader.single("source", loader.data["source"], "source")
+    loader.refuse_problems()
+    if entry is None:
+        raise SpecError([Problem("command line", 0, 0, "", "the source could not be read")])
+    return _finished(entry)
+
+
 class _Loader:
     def __init__(self, text: str, name: str, registry: Registry, path: Path | None) -> None:
         self.document = parse_document(text, name, environment=os.environ)
@@ -119,6 +152,7 @@ class _Loader:
             settle_s=top.settle_s,
             environment=environment,
             seed=top.seed,
+            tracking=top.tracking,
             source=_finished(source),
             stages=[_finished(s) for s in stages],
             sinks=[_finished(s) for s in sinks],

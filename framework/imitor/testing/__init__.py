@@ -13,6 +13,7 @@ from imitor.testing.component import check_component
 from imitor.testing.filters import check_filter
 from imitor.testing.fixtures import Run, make_context, make_frames, make_robot, make_run, make_skeleton
 from imitor.testing.imports import HEAVY_PACKAGES, check_import
+from imitor.testing.live import check_live_source
 from imitor.testing.mappers import check_mapper
 from imitor.testing.options import check_config, check_names
 from imitor.testing.postprocessors import check_postprocessor
@@ -29,6 +30,7 @@ __all__ = [
     "check_filter",
     "check_frames",
     "check_import",
+    "check_live_source",
     "check_mapper",
     "check_names",
     "check_postprocessor",

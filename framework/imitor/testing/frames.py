@@ -1,4 +1,4 @@
-"""Rules of a human frame: shapes, types, flags that agree with NaN, rotations that are rotations."""
+"""Rules of a skeleton and a human frame: shapes, types, flags that agree with NaN, rotations that are rotations."""
 
 from __future__ import annotations
 
@@ -70,6 +70,21 @@ def check_frame(cls: AnyComponent, frame: HumanFrame, skeleton: Skeleton, which:
         fail(cls, f"{which}: com is {short(np.asarray(frame.com))}, not three finite numbers")
     if frame.support is not None:
         expect(isinstance(frame.support, Support), cls, f"{which}: support is no Support")
+
+
+def check_skeleton(cls: AnyComponent, skeleton: Skeleton) -> None:
+    """Check the constant facts about the human."""
+    expect(isinstance(skeleton, Skeleton), cls, "start() sets no skeleton")
+    unknown = skeleton.roles - set(ROLES)
+    expect(not unknown, cls, f"the skeleton's roles {', '.join(sorted(unknown))} are none of imitor.ROLES")
+    rest = skeleton.rest_position
+    expect(rest.shape == (N_ROLES, 3), cls, f"rest_position has shape {rest.shape}, not {(N_ROLES, 3)}")
+    known = {r for r, p in zip(ROLES, rest, strict=True) if np.isfinite(p).all()}
+    wrong = known ^ skeleton.roles
+    expect(not wrong, cls, f"rest_position and roles disagree about {', '.join(sorted(wrong))}")
+    for name in ("height_m", "ankle_height_m", "toe_height_m", "mass_kg"):
+        value = getattr(skeleton, name)
+        expect(np.isfinite(value) and value > 0, cls, f"the skeleton's {name} is {value}")
 
 
 def _points(

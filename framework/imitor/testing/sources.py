@@ -8,17 +8,19 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.kinds import Source
+from imitor.live.source import LiveSource
 from imitor.testing.expect import AnyComponent, Snapshot, attempt, build, check_same, expect
-from imitor.testing.frames import ARRAYS, check_frame, given_words, snapshot
+from imitor.testing.frames import ARRAYS, check_frame, check_skeleton, given_words, snapshot
 from imitor.testing.lifecycle import begin, end, restart
-from imitor.types import N_ROLES, ROLES, HumanFrame, Skeleton
+from imitor.testing.live import check_live_source
+from imitor.types import HumanFrame, Skeleton
 
 MOST_FRAMES: Final = 1000
 """How much of a long recording is looked at [frames]."""
 
 
 def check_source(cls: type[Source[Any]], config: Mapping[str, Any] | None = None) -> None:
-    """Check a source by reading it twice. A live source needs a sender: hand its frames to `check_frames`."""
+    """Check a source by reading it twice, a live one by what its encoder sends (`check_live_source`)."""
     extensions = cls.extensions
     expect(
         all(e.startswith(".") and e == e.lower() for e in extensions),
@@ -28,6 +30,8 @@ def check_source(cls: type[Source[Any]], config: Mapping[str, Any] | None = None
     has_path = "path" in cls.config_type.model_fields
     expect(not extensions or has_path, cls, "it recognises files, so its options need a field `path`")
     if cls.live:
+        if issubclass(cls, LiveSource):
+            check_live_source(cls, config)
         return
     source = build(cls, config)
     begin(source)
@@ -85,18 +89,3 @@ def check_frames(
         rate = 1.0 / float(steps.mean())
         expect(abs(rate / rate_hz - 1) < 0.01, cls, f"rate_hz is {rate_hz}, but frames come at {rate:.3f} Hz")
     return out
-
-
-def check_skeleton(cls: AnyComponent, skeleton: Skeleton) -> None:
-    """Check the constant facts about the human."""
-    expect(isinstance(skeleton, Skeleton), cls, "start() sets no skeleton")
-    unknown = skeleton.roles - set(ROLES)
-    expect(not unknown, cls, f"the skeleton's roles {', '.join(sorted(unknown))} are none of imitor.ROLES")
-    rest = skeleton.rest_position
-    expect(rest.shape == (N_ROLES, 3), cls, f"rest_position has shape {rest.shape}, not {(N_ROLES, 3)}")
-    known = {r for r, p in zip(ROLES, rest, strict=True) if np.isfinite(p).all()}
-    wrong = known ^ skeleton.roles
-    expect(not wrong, cls, f"rest_position and roles disagree about {', '.join(sorted(wrong))}")
-    for name in ("height_m", "ankle_height_m", "toe_height_m", "mass_kg"):
-        value = getattr(skeleton, name)
-        expect(np.isfinite(value) and value > 0, cls, f"the skeleton's {name} is {value}")
