@@ -89,6 +89,10 @@ OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
 """What a plugin needs to be checked: options without a default, and what makes a check quick."""
 
 
+PACKAGES = {"c3d": "ezc3d", "osc": "pythonosc", "trackers": "redis", "nao": "qi", "unitree": "cyclonedds"}
+"""What an extra brings: a plugin is checked where it is there."""
+
+
 @pytest.fixture(autouse=True)
 def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMITOR_CACHE", str(tmp_path_factory.getbasetemp() / "cache"))
@@ -97,7 +101,7 @@ def _own_cache(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("registered", COMPONENTS, ids=[f"{r.kind}-{r.name}" for r in COMPONENTS])
 def test_it_keeps_the_contract_of_its_kind(registered: Registered, tmp_path: Path) -> None:
     if registered.component.extra:
-        pytest.importorskip({"c3d": "ezc3d"}[registered.component.extra])
+        pytest.importorskip(PACKAGES[registered.component.extra])
     options = OPTIONS[registered.name](tmp_path) if registered.name in OPTIONS else None
     testing.check_component(registered.component, options)
 

@@ -336,7 +336,9 @@ def test_what_loads_comes_back_through_yaml(registry: Registry, data: dict[str, 
 
 def test_every_default_is_written(registry: Registry) -> None:
     assert load(registry).to_yaml() == (
-        "imitor: 1\nrobot: toybot\nspeed: 1.0\nsettle_s: 0.0\nseed: 0\nenvironment: []\n"
+        "imitor: 1\nrobot: toybot\nspeed: 1.0\nsettle_s: 0.0\nseed: 0\n"
+        "tracking: {predict_s: 0.1, stop_s: 1.0, stable_s: 0.2, resume: automatic, blend_m_s: 0.5, blend_rad_s: 1.5,\n"
+        "  human_m_s: 20.0}\nenvironment: []\n"
         "source:\n  use: actor\n  scenario: stand\n  note: ''\n"
         "stages:\n"
         "- {mapper: imitate, id: imitate}\n"

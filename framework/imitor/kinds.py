@@ -166,6 +166,14 @@ class Source(Component[C]):
         """Yield the frames in order of time; may be called again after `reset`."""
         raise NotImplementedError
 
+    def first_frames(self) -> Iterator[HumanFrame]:
+        """Yield the frames that stages calibrate with: from the first on, as long as the source likes."""
+        return self.frames()
+
+    def ticks(self) -> Iterator[Tick] | None:
+        """Return the steps of the live run that this source recorded; ``None``: it recorded none."""
+        return None
+
 
 class Filter(Component[C]):
     """Changes the human frame: fills gaps, smooths, marks support, adds the CoM."""
@@ -209,6 +217,13 @@ class Mapper(_RobotStage[C]):
     def declare(self, stack: TaskStack) -> None:
         """Declare the tasks; called once, before `TaskStack.compile`."""
         raise NotImplementedError
+
+    def missing(self, frame: HumanFrame) -> Sequence[str]:
+        """Return what it cannot do without and does not see; while there is something, the person counts as lost.
+
+        Single points that are not known are its own business: it releases their tasks or keeps their last targets.
+        """
+        return () if frame.valid.any() else ("the whole body",)
 
     def step(self, frame: HumanFrame, stack: TaskStack) -> None:
         """Write the targets of this frame, the anchor and the contact."""
@@ -301,6 +316,7 @@ class RunInfo:
         pipeline: The resolved pipeline, every default written out, as YAML text.
         pipeline_name: Its name, for titles.
         view: Whether the user asked for a window (``--view``).
+        live: Whether frames come in real time and without a known end.
     """
 
     out_dir: Path
@@ -313,6 +329,7 @@ class RunInfo:
     pipeline: str = ""
     pipeline_name: str = ""
     view: bool = False
+    live: bool = False
 
 
 @dataclass(slots=True)
@@ -327,6 +344,21 @@ class Record:
     compute_s: float = 0.0
 
 
+@dataclass(slots=True)
+class Tick:
+    """A step of a live run, or of its recording: what was received for it, and what the operator asked for.
+
+    Attributes:
+        time_s: Time of the step [s]; increases.
+        frame: The newest frame, or ``None`` where nothing new had arrived.
+        request: ``pause``, ``resume``, ``stop`` or nothing.
+    """
+
+    time_s: float
+    frame: HumanFrame | None
+    request: str = ""
+
+
 @dataclass
 class SinkReport:
     """What a sink tells at its end: files written, figures for ``metrics.json``."""
@@ -336,9 +368,17 @@ class SinkReport:
 
 
 class Sink(Component[C]):
-    """Takes the finished frames to the outside world: a file, a viewer, a robot."""
+    """Takes the finished frames to the outside world: a file, a viewer, a robot.
+
+    Attributes:
+        realtime: Whether it takes commands: a live run writes to it at the output rate, from a thread of its own.
+        newest: Whether it may miss frames, as a viewer: a live run writes the newest one to it when it is ready. All
+            other sinks get every frame.
+    """
 
     kind = "sink"
+    realtime: ClassVar[bool] = False
+    newest: ClassVar[bool] = False
 
     def open(self, run: RunInfo) -> None:
         """Get ready: check the folder, open the window."""

@@ -25,13 +25,23 @@ from imitor.kinds import (
     Solver,
     Source,
     Stabilizer,
+    Tick,
 )
 from imitor.registry import Registry
 from imitor.robot.model import RobotModel
+from imitor.safety.following import Following
 from imitor.safety.guard import Guard
+from imitor.safety.teleport import Teleport
+from imitor.safety.tracking import Request, State, Tracking
 from imitor.spec import PipelineSpec, StageSpec
 from imitor.tasks import TaskStack
-from imitor.types import Array, Configuration, HumanFrame, Skeleton
+from imitor.types import N_ROLES, STATUS, Array, Configuration, HumanFrame, Skeleton, read_only
+
+HELD, STOPPED = STATUS.index("held"), STATUS.index("stopped")
+_LOST_POSITION = read_only(np.full((N_ROLES, 3), np.nan))
+_LOST_VALID = read_only(np.zeros(N_ROLES, dtype=np.bool_))
+_LOST_ORIENTATION = read_only(np.full((N_ROLES, 3, 3), np.nan))
+_STATUS_OF = {State.WAITING: HELD, State.HOLDING: HELD, State.PAUSED: HELD, State.STOPPED: STOPPED}
 
 
 class Pipeline:
@@ -49,6 +59,7 @@ class Pipeline:
         robot: The robot model, at the configuration so far.
         stack: The tasks.
         guard: What every command passes.
+        tracking: Where the tracking of the person stands.
         rate_hz: Output rate [Hz].
         n_frames: Number of commands, when known.
     """
@@ -56,6 +67,7 @@ class Pipeline:
     def __init__(self, spec: PipelineSpec, registry: Registry) -> None:
         self.spec = spec
         self.stages: list[tuple[str, Component[Any]]] = []
+        self.calibrated_with: list[HumanFrame] = []
         self.source = self._start_source(spec.source, registry)
         try:
             self._assemble(spec, registry)
@@ -68,7 +80,7 @@ class Pipeline:
             raise ImitorError(
                 f"speed {spec.speed}: a live source cannot be slowed down or sped up; leave it at 1"
             )
-        self.rate_hz = spec.rate_hz or self.source.rate_hz
+        self.rate_hz = self._rate()
         self.skeleton: Skeleton = self.source.skeleton
         self.robot = RobotModel.load(spec.robot, registry)
         context = Context(self.robot, self.skeleton, 1.0 / self.rate_hz, spec.environment)
@@ -79,6 +91,9 @@ class Pipeline:
         self.stack = TaskStack(self.robot.n)
         self._build()
         self.guard = Guard(self.robot, 1.0 / self.rate_hz)
+        self.tracking = Tracking(spec.tracking)
+        self._following = Following(spec.tracking, 1.0 / self.rate_hz)
+        self._teleport = Teleport(spec.tracking.human_m_s * max(spec.speed, 1.0))
         self.n_frames = self._count()
         self._bind()
         self.reset()
@@ -93,6 +108,13 @@ class Pipeline:
         if source.n_frames == 0:
             raise ImitorError(f"source {spec.name}: it has no frames; nothing was run")
         return source
+
+    def _rate(self) -> float:
+        """Return how often a command is computed [Hz]: of a live source, not oftener than something arrives."""
+        source, asked = self.source, self.spec.rate_hz
+        if asked is None:
+            return source.rate_hz
+        return min(asked, source.rate_hz) if source.live or source.ticks() is not None else asked
 
     def _build(self) -> None:
         for where, component in self.stages:
@@ -118,10 +140,10 @@ class Pipeline:
             raise ImitorError(
                 f"{where}: needs the whole recording first, but the source is live; give its result as options"
             )
-        frames = self._human_frames()
+        frames = self._human_frames(self.source.first_frames())
         if longest < WHOLE_RECORDING:
             frames = _first_seconds(frames, longest)
-        seen = list(frames)
+        seen = self.calibrated_with = list(frames)
         for where, component in self.stages:
             with _at(where):
                 if component.calibration_s > 0:
@@ -135,14 +157,15 @@ class Pipeline:
 
     def _count(self) -> int | None:
         n = self.source.n_frames
-        if n is None:
-            return None
+        if n is None or self.source.ticks() is not None:
+            return n
         ratio = self.rate_hz / (self.source.rate_hz * self.spec.speed)
         return int((n - 1) * ratio + 1e-9) + 1 + round(self.spec.settle_s * self.rate_hz)
 
     def _bind(self) -> None:
         """Collect the bound steps once: nothing is looked up per frame."""
         self._filter_steps = [(where, c.step) for where, c in self.filters]
+        self._missing = [c.missing for _, c in self.stages if isinstance(c, Mapper)]
         stages = [(where, c) for where, c in self.stages if not isinstance(c, Filter)]
         self._steps = [(where, _bound(c, self.stack)) for where, c in stages]
         self._first_steps = [
@@ -163,14 +186,22 @@ class Pipeline:
         for _, component in self.stages:
             component.reset()
         self.guard.reset()
+        self.tracking.reset()
+        self._following.reset()
+        self._teleport.reset()
         self._solved.reset()
         self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         self.robot.update(self.state.q)
         self._index = 0
+        self._last_seen: HumanFrame | None = None
+        self._record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
+        self._humans: deque[HumanFrame] = deque(
+            maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
+        )
 
-    def _human_frames(self) -> Iterator[HumanFrame]:
+    def _human_frames(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         speed = self.spec.speed
-        return at_rate(played(self.source.frames(), speed), self.source.rate_hz * speed, self.rate_hz)
+        return at_rate(played(frames, speed), self.source.rate_hz * speed, self.rate_hz)
 
     def _with_settling(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
         last = None
@@ -181,8 +212,12 @@ class Pipeline:
         for k in range(1, round(self.spec.settle_s * self.rate_hz) + 1):
             yield copied(last, last.time_s + k / self.rate_hz)
 
-    def step(self, frame: HumanFrame) -> HumanFrame:
-        """Compute the command of one human frame into ``self.state``; return the filtered frame.
+    def step(self, frame: HumanFrame, request: Request = Request.NONE) -> HumanFrame:
+        """Compute the command of one human frame into ``self.state``; return the frame that was followed.
+
+        Args:
+            frame: The person; nothing of them is valid where nothing was received.
+            request: What the operator asks for.
 
         Raises:
             RunError: A stage failed; says which and at which frame.
@@ -190,18 +225,26 @@ class Pipeline:
         where, time_s = "", frame.time_s
         frame = copied(frame, time_s)  # filters bind new arrays; the source's frame may be played again
         try:
+            where = "tracking"
+            frame = self._teleport.step(frame)
             for where, filter_step in self._filter_steps:  # noqa: B007
                 frame = filter_step(frame)
                 if frame is None:
                     raise ImitorError("a filter returns the frame, not None")
+            where = "tracking"
+            tracked, frame = self._follow(frame, request)
             state = self.state
-            if state.status:
-                self._solved.reset()
-            state.status = 0
-            for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
-                step(frame, state)
+            if tracked is State.STOPPED:
+                self._keep_command()
+            else:
+                state.status = 0
+                for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
+                    step(frame, state)
             where = "guard"
             self.guard.apply(self.stack, state)
+            if state.status:
+                self._solved.reset()
+            state.status = max(state.status, _STATUS_OF.get(tracked, 0))
             state.contact[:] = self.stack.contact
             state.sent = state.q.copy()
         except RunError as error:
@@ -213,38 +256,89 @@ class Pipeline:
         self._index += 1
         return frame
 
+    def _follow(self, frame: HumanFrame, request: Request) -> tuple[State, HumanFrame]:
+        """Return where the tracking stands and the person to follow."""
+        missing = [what for of in self._missing for what in of(frame)]
+        tracked = self.tracking.step(frame.time_s, not missing, request, ", ".join(missing))
+        frame = self._following.step(frame, tracked, self._teleport.left)
+        if tracked is State.RETURNING and self._following.returned:
+            self.tracking.returned()
+        return tracked, frame
+
+    def _keep_command(self) -> None:
+        """Ask for the last command again; the guard brakes."""
+        state = self.state
+        if state.sent is not None:
+            state.q[:] = state.sent
+        self.robot.update(state.q)
+        state.status = STOPPED
+
     def records(self, max_frames: int | None = None) -> Iterator[Record]:
-        """Yield a record for each frame; it is the same object each time, valid until the next.
+        """Yield a record for each frame of a recording; it is the same object each time, valid until the next.
 
         The delay that stages declare shifts time stamps: a command is recorded with the human frame it belongs to,
         and the run goes on until the last one is out. A filter with a delay returns earlier frames with their own
-        time stamps.
+        time stamps. The recording of a live run is played step by step as it was.
         """
-        delay = sum(c.delay_frames for _, c in self.stages)
-        frames = self._with_settling(self._human_frames())
-        if max_frames is not None:
-            frames = itertools.islice(frames, max_frames)
-        record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
-        clock = time.perf_counter
-        humans: deque[HumanFrame] = deque(
-            maxlen=1 + sum(c.delay_frames for _, c in self.stages if c.kind != "filter")
-        )
-        frames = self._sound(_drained(frames, delay, 1.0 / self.rate_hz))
-        for i in itertools.count():
-            begin = clock()
-            frame = next(frames, None)
-            if frame is None:
+        ticks = self.source.ticks()
+        if ticks is None:
+            frames = self._with_settling(self._human_frames(self.source.frames()))
+            if max_frames is not None:
+                frames = itertools.islice(frames, max_frames)
+            frames = _drained(frames, self.delay_frames, 1.0 / self.rate_hz)
+            ticks = (Tick(frame.time_s, frame) for frame in frames)
+        elif max_frames is not None:
+            ticks = itertools.islice(ticks, max_frames)
+        ticks = self._sound(ticks)
+        while True:
+            begin = time.perf_counter()
+            tick = next(ticks, None)
+            if tick is None:
                 return
-            humans.append(self.step(frame))
-            record.compute_s = clock() - begin
-            if i < delay:
-                continue
-            record.index, record.human = i - delay, humans[0]
-            record.time_s = humans[0].time_s
-            yield record
+            record = self.advance(tick, begin)
+            if record is not None:
+                yield record
 
-    def _sound(self, frames: Iterator[HumanFrame]) -> Iterator[HumanFrame]:
-        """Yield the frames of the source; what goes wrong in it names it and its frame.
+    @property
+    def delay_frames(self) -> int:
+        """How many frames later a command comes than the human frame it belongs to [frames]."""
+        return sum(c.delay_frames for _, c in self.stages)
+
+    def advance(self, tick: Tick, begin_s: float | None = None) -> Record | None:
+        """Take one step; return the record of the command that it finishes, valid until the next step.
+
+        Args:
+            tick: What was received.
+            begin_s: When the work for this step began by the performance counter; default: now [s].
+        """
+        begin = time.perf_counter() if begin_s is None else begin_s
+        frame = self._nobody(tick.time_s) if tick.frame is None else tick.frame
+        self._last_seen = tick.frame or self._last_seen
+        self._humans.append(self.step(frame, Request(tick.request)))
+        if self._index <= self.delay_frames:
+            return None
+        record = self._record
+        record.compute_s = time.perf_counter() - begin
+        record.index, record.human = self._index - 1 - self.delay_frames, self._humans[0]
+        record.time_s = record.human.time_s
+        return record
+
+    def _nobody(self, time_s: float) -> HumanFrame:
+        """Return a frame in which nothing of the person is seen."""
+        skeleton = self.skeleton
+        frame = HumanFrame(time_s, _LOST_POSITION, _LOST_VALID)
+        if skeleton.marker_names:
+            n = len(skeleton.marker_names)
+            frame.marker, frame.marker_valid = np.full((n, 3), np.nan), np.zeros(n, dtype=np.bool_)
+        if skeleton.target_names:
+            n = len(skeleton.target_names)
+            frame.target, frame.target_valid = np.full((n, 4, 4), np.nan), np.zeros(n, dtype=np.bool_)
+        if self._last_seen is not None and self._last_seen.orientation is not None:
+            frame.orientation = _LOST_ORIENTATION
+        return frame
+
+    def _sound(self, ticks: Iterator[Tick]) -> Iterator[Tick]:
+        """Yield the steps of the source; what goes wrong in it names it and its frame.
 
         Raises:
             RunError: The source failed, or time stands still or runs backwards.
@@ -252,17 +346,17 @@ class Pipeline:
         where, time_s = f"source {self.spec.source.name}", -math.inf
         for i in itertools.count():
             try:
-                frame = next(frames, None)
-                if frame is None:
+                tick = next(ticks, None)
+                if tick is None:
                     return
-                if not frame.time_s > time_s:
+                if not tick.time_s > time_s:
                     raise ImitorError(
-                        f"its time goes from {time_s:.6g} s to {frame.time_s:.6g} s; it must increase"
+                        f"its time goes from {time_s:.6g} s to {tick.time_s:.6g} s; it must increase"
                     )
-                time_s = frame.time_s
+                time_s = tick.time_s
             except Exception as error:  # whatever a plugin's source raises: the frames before are kept
                 raise RunError(f"{told(error)}. The frames before are kept.", frame=i, stage=where) from error
-            yield frame
+            yield tick
 
     def close(self) -> None:
         """Close the source and every stage."""

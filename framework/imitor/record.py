@@ -16,6 +16,7 @@ import numpy as np
 from imitor.atomic import atomic
 from imitor.errors import SourceError
 from imitor.kinds import Record, RunInfo
+from imitor.rows import Rows
 from imitor.types import ROLES, Array, BoolArray
 
 SCHEMA: Final = "imitor-motion-1"
@@ -62,7 +63,7 @@ class Motion:
 
     def save(self, path: Path) -> None:
         """Write ``motion.npz``; it appears whole or not at all, and equal motions give equal bytes."""
-        _save(
+        write_arrays(
             path,
             {
                 "schema": np.array(SCHEMA),
@@ -84,7 +85,7 @@ class Motion:
         Raises:
             SourceError: The file is missing, damaged or of another schema.
         """
-        data = _load(path)
+        data = read_arrays(path)
         try:
             if str(data["schema"]) != SCHEMA:
                 raise SourceError(path, f"schema '{data['schema']}', expected '{SCHEMA}'")
@@ -144,7 +145,7 @@ class Reference:
 
     def save(self, path: Path) -> None:
         """Write ``reference.npz``; it appears whole or not at all."""
-        _save(
+        write_arrays(
             path,
             {
                 "schema": np.array(SCHEMA),
@@ -172,7 +173,7 @@ class Reference:
         Raises:
             SourceError: The file is missing, damaged or of another schema.
         """
-        data = _load(path)
+        data = read_arrays(path)
         try:
             names = data["task_names"].tolist()
             return cls(
@@ -195,40 +196,37 @@ class Reference:
 
 
 class Recorder:
-    """Collects the frames of a run into growing arrays: one row copy a frame and array, nothing else."""
+    """Collects the frames of a run into growing arrays: one row copy a frame and array, nothing else.
+
+    A live run has no known end: its frames go to disk, so that memory does not grow.
+    """
 
     def __init__(self, run: RunInfo) -> None:
         self._run = run
-        self._count = 0
         robot, stack = run.robot, run.stack
-        self._rows = {
-            "time": np.zeros(0),
-            "compute": np.zeros(0),
-            "q": np.zeros((0, robot.nq)),
-            "contact": np.zeros((0, 2), dtype=bool),
-            "status": np.zeros(0, dtype=np.int8),
-            "position": np.zeros((0, len(ROLES), 3)),
-            "valid": np.zeros((0, len(ROLES)), dtype=bool),
-            "support": np.zeros((0, 2), dtype=bool),
-            "support_known": np.zeros(0, dtype=bool),
-            "com": np.zeros((0, 3)),
-            "target": np.zeros((0, stack.flat_target.size)),
-            "switch": np.zeros((0, stack.flat_switch.size), dtype=bool),
-        }
-        self._reserve(run.n_frames or 1024)
-
-    def _reserve(self, size: int) -> None:
-        for name, rows in self._rows.items():
-            grown = np.zeros((size, *rows.shape[1:]), dtype=rows.dtype)
-            grown[: self._count] = rows[: self._count]
-            self._rows[name] = grown
+        number, flag = np.float64, np.bool_
+        self._rows = Rows(
+            {
+                "time": ((), number),
+                "compute": ((), number),
+                "q": ((robot.nq,), number),
+                "contact": ((2,), flag),
+                "status": ((), np.int8),
+                "position": ((len(ROLES), 3), number),
+                "valid": ((len(ROLES),), flag),
+                "support": ((2,), flag),
+                "support_known": ((), flag),
+                "com": ((3,), number),
+                "target": ((stack.flat_target.size,), number),
+                "switch": ((stack.flat_switch.size,), flag),
+            },
+            size=run.n_frames or 1024,
+            folder=run.out_dir if run.live else None,
+        )
 
     def add(self, record: Record) -> None:
         """Copy one frame."""
-        i, rows = self._count, self._rows
-        if i == len(rows["time"]):
-            self._reserve(max(2 * i, 16))
-            rows = self._rows
+        rows, i = self._rows.next()
         human, state = record.human, record.state
         rows["time"][i], rows["compute"][i] = record.time_s, record.compute_s
         rows["q"][i], rows["contact"][i], rows["status"][i] = state.q, state.contact, state.status
@@ -238,16 +236,15 @@ class Recorder:
             rows["support"][i] = human.support.left, human.support.right
             rows["support_known"][i] = True
         rows["target"][i], rows["switch"][i] = record.stack.flat_target, record.stack.flat_switch
-        self._count += 1
 
     def __len__(self) -> int:
-        return self._count
+        return len(self._rows)
 
     def motion(self) -> Motion:
         """Return the robot's motion so far."""
         from imitor.types import STATUS
 
-        rows = {name: rows[: self._count] for name, rows in self._rows.items()}
+        rows = self._rows.arrays()
         q = rows["q"]
         card = self._run.robot.card
         return Motion(
@@ -263,7 +260,7 @@ class Recorder:
 
     def reference(self) -> Reference:
         """Return what was asked for so far."""
-        rows = {name: rows[: self._count] for name, rows in self._rows.items()}
+        rows = self._rows.arrays()
         stack, skeleton = self._run.stack, self._run.skeleton
         target: dict[str, Array] = {}
         active: dict[str, BoolArray] = {}
@@ -298,7 +295,7 @@ def _is_known_name(path: Path | None) -> bool:
     )
 
 
-def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Write an npz without compression and with fixed time stamps: equal arrays give equal bytes."""
     with atomic(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
@@ -309,7 +306,7 @@ def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
                 )
 
 
-def _load(path: Path) -> dict[str, np.ndarray]:
+def read_arrays(path: Path) -> dict[str, np.ndarray]:
     try:
         with path.open("rb") as stream:
             if not zipfile.is_zipfile(stream):

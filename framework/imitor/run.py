@@ -7,9 +7,9 @@ import logging
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from imitor.atomic import atomic
 from imitor.errors import ImitorError, RunError, SinkError, told
@@ -19,7 +19,13 @@ from imitor.record import MOTION_FILE
 from imitor.registry import Registry
 from imitor.spec import PipelineSpec
 
+if TYPE_CHECKING:
+    from imitor.live.operator import Operator
+    from imitor.live.run import LiveRun
+
 log = logging.getLogger("imitor")
+MOST_MEASURED = 60_000
+"""Longer runs are not measured when they end: their operator waits [frames]."""
 FLIGHT_SHARE = 0.2
 """Share of frames without a foot on the floor above which the run asks whether that can be [-]."""
 
@@ -58,6 +64,8 @@ def run(
     view: bool = False,
     progress: Progress | None = None,
     started: Callable[[Pipeline], None] | None = None,
+    operator: Operator | None = None,
+    observe: Callable[[LiveRun], None] | None = None,
 ) -> RunResult:
     """Run a pipeline to its end, an error, or an interruption; finished frames are kept in every case.
 
@@ -69,6 +77,8 @@ def run(
         view: Open the windows of sinks that have one.
         progress: Called after every frame with frames done and expected.
         started: Called once with the built pipeline, before the first frame.
+        operator: Who may pause, resume, stop and end a live run; by default Ctrl-C ends it.
+        observe: Called once with a live run, before its first step; its figures may be read from another thread.
 
     Raises:
         ImitorError: Nothing was run: input, robot, options or folder are wrong.
@@ -87,15 +97,25 @@ def run(
         if started is not None:
             started(pipeline)
         registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
+
+        def finished(frames: int) -> None:
+            result.frames = frames
+            if frames == 1:
+                result.time_to_first_frame_s = time.perf_counter() - begin
+            if progress is not None:
+                progress(frames, pipeline.n_frames if max_frames is None else max_frames)
+
+        live = _live_run(pipeline, sinks, result, operator)
         try:
-            for record in pipeline.records(max_frames):
-                for where, sink in sinks:
-                    _write(where, sink, record)
-                result.frames += 1
-                if result.frames == 1:
-                    result.time_to_first_frame_s = time.perf_counter() - begin
-                if progress is not None:
-                    progress(result.frames, pipeline.n_frames if max_frames is None else max_frames)
+            if live is None:
+                for i, record in enumerate(pipeline.records(max_frames)):
+                    for where, sink in sinks:
+                        _write(where, sink, record)
+                    finished(i + 1)
+            else:
+                if observe is not None:
+                    observe(live)
+                _drive(live, result, max_frames, finished)
         except KeyboardInterrupt:
             result.status, result.message = "interrupted", f"interrupted after {result.frames} frames"
         except RunError as error:
@@ -104,13 +124,48 @@ def run(
             Exception
         ) as error:  # a fault of ours or of an observer: what was finished is kept all the same
             result.status, result.message = "failed", f"after {result.frames} frames: {told(error)}"
+        if result.status == "done" and pipeline.tracking.report.stops:
+            result.status, result.message = "stopped", _stop_message(pipeline)
         if result.frames == 0 and result.status == "done":
             result.status, result.message = "failed", f"source {spec.source.name} gave no frame"
-        _finish(result, sinks, pipeline, spec, registry)
+        _finish(result, sinks, pipeline, spec, registry, live)
     finally:
         pipeline.close()
     registry.announce("finished" if result.status == "done" else "failed", {"result": result})
     return result
+
+
+def _live_run(
+    pipeline: Pipeline, sinks: Sequence[tuple[str, Sink[Any]]], result: RunResult, operator: Operator | None
+) -> LiveRun | None:
+    """Return the live run of a pipeline with a live source, else ``None``."""
+    if not pipeline.source.live:
+        return None
+    from imitor.live.operator import Operator
+    from imitor.live.run import LiveRun
+
+    return LiveRun(pipeline, sinks, result.out_dir, operator or Operator(), _write)
+
+
+def _drive(live: LiveRun, result: RunResult, max_frames: int | None, finished: Callable[[int], None]) -> None:
+    with live.operator.on_interrupt():
+        live.drive(max_frames, finished)
+    if live.operator.interrupted:
+        result.status, result.message = "interrupted", f"interrupted after {result.frames} frames"
+
+
+def _stop_message(pipeline: Pipeline) -> str:
+    tracking = pipeline.tracking
+    times = "" if tracking.report.stops == 1 else f"; {tracking.report.stops} stops in all"
+    remedy = (
+        "; to go on once all is seen again: --set tracking.resume=automatic"
+        if tracking.options.resume == "request"
+        else ""
+    )
+    return (
+        f"emergency stop at {tracking.stopped_at_s:.3f} s: {tracking.why}; the robot kept its last "
+        f"safe command{times}{remedy}"
+    )
 
 
 def _run_directory(out_dir: Path | None, name: str) -> Path:
@@ -150,6 +205,7 @@ def _open_sinks(
         pipeline=spec.to_yaml(),
         pipeline_name=spec.name,
         view=view,
+        live=pipeline.source.live,
     )
     sinks: list[tuple[str, Sink[Any]]] = []
     if not any(s.name == "motion_file" for s in spec.sinks):  # a run directory always holds the motion
@@ -161,7 +217,8 @@ def _open_sinks(
     for where, sink in sinks:
         try:
             sink.start()
-            sink.open(info)
+            apart = info.live and (sink.realtime or sink.newest)  # they look at the robot from another thread
+            sink.open(replace(info, robot=pipeline.robot.twin()) if apart else info)
         except Exception as error:  # nothing was run yet: what is wrong with a sink is wrong with the input
             raise ImitorError(f"{where}: {told(error)}") from error
     return sinks
@@ -185,9 +242,16 @@ def _finish(
     pipeline: Pipeline,
     spec: PipelineSpec,
     registry: Registry,
+    live: LiveRun | None,
 ) -> None:
     """Let every sink finish, also after a failure of another; then measure."""
     extra: dict[str, Any] = {}
+    if live is not None:
+        extra["live"] = live.figures()
+        try:
+            result.files += live.save()
+        except SinkError as error:
+            result.status, result.message = "failed", result.message or told(error)
     for where, sink in reversed(sinks):  # the motion first: whatever fails later, it is there
         try:
             report = sink.finish()
@@ -209,7 +273,12 @@ def _finish(
         with atomic(path) as temporary:
             temporary.write_text(spec.to_yaml(), encoding="utf-8")
         result.files.append(path)
-        if result.frames and (result.out_dir / MOTION_FILE).is_file():
+        if result.frames > MOST_MEASURED:
+            log.warning(
+                f"{result.frames} frames are not measured now; imitor evaluate {result.out_dir} does it"
+            )
+            result.metrics = _unmeasured(result, extra, pipeline)
+        elif result.frames and (result.out_dir / MOTION_FILE).is_file():
             result.metrics = _measure(result, extra, pipeline, registry)
     except OSError as error:
         result.status = "failed" if result.status == "done" else result.status
@@ -225,9 +294,26 @@ def _measure(
     from imitor import metrics
 
     figures = metrics.evaluate_dir(result.out_dir, registry)
+    return _written(figures, result, extra, pipeline)
+
+
+def _unmeasured(result: RunResult, extra: dict[str, Any], pipeline: Pipeline) -> dict[str, Any]:
+    """Write what is known of a run without measuring its frames."""
+    from imitor import metrics
+
+    figures = {"schema": metrics.SCHEMA, "robot": pipeline.robot.name, "frames": result.frames, "figures": {}}
+    return _written(figures, result, extra, pipeline)
+
+
+def _written(
+    figures: dict[str, Any], result: RunResult, extra: dict[str, Any], pipeline: Pipeline
+) -> dict[str, Any]:
+    from imitor import metrics
+
     guard = pipeline.guard.report
     figures["figures"]["guard_scaled_frames"] = {"value": guard.scaled, "frames": result.frames}
     figures["figures"]["guard_held_frames"] = {"value": guard.not_finite, "frames": result.frames}
+    figures["tracking"] = pipeline.tracking.report.figures()
     figures["status"], figures["message"] = result.status, result.message
     figures["source"] = {"skeleton": pipeline.skeleton.name, "notes": list(pipeline.skeleton.notes)}
     figures.update(extra)

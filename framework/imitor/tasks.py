@@ -143,6 +143,14 @@ class TaskStack:
             at, m = at + size, m + mask
         self._compiled = True
 
+    def twin(self) -> TaskStack:
+        """Return a compiled stack with the same tasks and memory of its own, for another thread."""
+        other = TaskStack(self._n_joints)
+        for task in self:
+            other.declare(task.name, task.kind, frame=task.frame, relative_to=task.relative_to)
+        other.compile()
+        return other
+
     def place_of(self, name: str) -> slice:
         """Return where a task's target lies in ``flat_target``; its gain lies at the task's place in ``names``."""
         return self._places[name]

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from imitor import Component, HumanFrame, TaskKind, TaskStack, hookimpl
 from imitor.plugins.mappers.segment_scaling import SegmentScaling
-from imitor.types import SIDES
+from imitor.types import ROLE_INDEX, ROLES, SIDES
 
 if TYPE_CHECKING:
     from imitor.mapping.scaled_body import ScaledBody
 
 _PARTS = ("head", "chest", "waist")
+NEEDED = ("head", *(f"{s}_{r}" for s in SIDES for r in ("shoulder", "elbow", "wrist", "hip", "ankle")))
+"""Points of the model that it does not go on without, of those that the recording has."""
 
 
 class NormalizedModel(SegmentScaling):
@@ -45,6 +47,7 @@ class NormalizedModel(SegmentScaling):
     def declare(self, stack: TaskStack) -> None:
         """Declare the tasks the robot has frames for."""
         super().declare(stack)
+        self._needed = [ROLE_INDEX[r] for r in NEEDED if self.skeleton.has(r)]
         self._vectors = [
             (stack.declare(f"{part}_vector", TaskKind.VECTOR, frame=part), part)
             for part in _PARTS
@@ -53,6 +56,12 @@ class NormalizedModel(SegmentScaling):
         self._wrists = [
             stack.declare(f"{side}_wrist", TaskKind.POSE, frame=f"{side}_wrist") for side in SIDES
         ]
+
+    def missing(self, frame: HumanFrame) -> Sequence[str]:
+        """Return the points of the model that are not seen: a part of it alone is no model [montecillo2010]."""
+        if frame.valid[self._needed].all():
+            return ()
+        return [ROLES[i] for i in self._needed if not frame.valid[i]]
 
     def reset(self) -> None:
         """Forget the person and where the feet stood."""

@@ -209,8 +209,12 @@ def measured_rate(arrivals: Sequence[Arrival]) -> float:
     time_s = np.array([a.sample.time_s for a in arrivals])
     if not np.isfinite(time_s).all() or not (np.diff(time_s) > 0).all():
         time_s = np.array([a.at_s for a in arrivals])
-    steps = np.diff(time_s) / np.maximum(np.diff(count), 1)
-    by_steps = float(np.median(steps)) if np.isfinite(arrivals[0].sample.time_s) else math.nan
+    steps, counts = np.diff(time_s), np.maximum(np.diff(count), 1)
+    usual = float(np.median(steps / counts)) if np.isfinite(arrivals[0].sample.time_s) else math.nan
+    even = (
+        np.abs(steps / counts - usual) <= 0.5 * usual
+    )  # without pauses; the mean is finer than the clock's ticks
+    by_steps = float(steps[even].sum() / counts[even].sum()) if even.any() else math.nan
     whole = float((time_s[-1] - time_s[0]) / max(count[-1] - count[0], 1))
     period = by_steps if by_steps > 0 else whole
     if not period > 0:

@@ -74,6 +74,11 @@ class MarkerMapper(Mapper[C]):
         """Scale the robot to the person and attach the virtual markers."""
         self.imitation.calibrate(frames)
 
+    def missing(self, frame: HumanFrame) -> Sequence[str]:
+        """Return the rigid markers of the arms while none of them is seen; single ones are led by the others."""
+        markers = self.imitation.criterion.real_markers(frame)
+        return () if np.isfinite(markers[:, 0, 0]).any() else ("the rigid markers of both arms",)
+
     def reset(self) -> None:
         """Go back to the calibration pose."""
         self.imitation.reset()

@@ -109,7 +109,7 @@ def make_recording(path: str | Path, bvh: Bvh, fit: SkeletonFit, options: ReadOp
 
     displaced = _displacement(rig, bvh)
 
-    size = _stature(rest(np.zeros((len(position), 2), dtype=np.bool_))[1])
+    size = stature(rest(np.zeros((len(position), 2), dtype=np.bool_))[1])
     if not 0.0 < size < np.inf:
         raise SourceError(path, "the skeleton has no height: are the OFFSETs zero?")
     scale = _scale(size, fit, options)
@@ -212,7 +212,7 @@ def _reference(rig: Rig, poses: Poses, zero: Poses, first_may_be: bool) -> Refer
     return Reference("motion", poses.position[best], poses.rotation[best], roles[best])
 
 
-def _stature(rest: Array) -> float:
+def stature(rest: Array) -> float:
     """Return the stature in the units of the rest pose: from the ankles up, and the ankles' height added."""
     ankle = 0.5 * (role(rest, "left_ankle") + role(rest, "right_ankle"))[2]
     top = role(rest, "head_top")[2]

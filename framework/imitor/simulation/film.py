@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from imitor.record import Motion, Reference, _save
+from imitor.record import Motion, Reference, write_arrays
 from imitor.robot.model import BASE_NQ, RobotModel
 from imitor.simulation.playback import Trace
 from imitor.types import BoolArray
@@ -45,7 +45,7 @@ def executed_motion(trace: Trace, robot: RobotModel, contact: BoolArray) -> Moti
 
 def save_arrays(path: Path, trace: Trace, robot: RobotModel) -> None:
     """Write ``simulation.npz``: state, torques, forces and ZMP at the times of the commands, without pickles."""
-    _save(
+    write_arrays(
         path,
         {
             "schema": np.array("imitor-simulation-1"),

@@ -152,6 +152,7 @@ class _Loader:
             settle_s=top.settle_s,
             environment=environment,
             seed=top.seed,
+            tracking=top.tracking,
             source=_finished(source),
             stages=[_finished(s) for s in stages],
             sinks=[_finished(s) for s in sinks],

@@ -21,6 +21,8 @@ from imitor.spec.document import Document, Loc
 from imitor.spec.yaml_marks import parse_value
 
 _TOP_LEVEL: Final = ("robot", "rate_hz", "speed", "settle_s", "seed")
+_TRACKING: Final = "tracking"
+"""The one key of the top level that has options of its own."""
 _RESERVED: Final = ("use", "id", *STAGE_KINDS)
 
 
@@ -163,6 +165,10 @@ def set_option(document: Document, text: str, registry: Registry) -> list[Proble
             ]
         document.override((steps[0],), parsed.data, origin)
         return []
+    if steps[0] == _TRACKING:
+        if _TRACKING not in document.data:
+            document.override((_TRACKING,), {}, origin)
+        return _put(document, (_TRACKING,), steps[1:], parsed.data, origin)
     place = _find(document, steps[0])
     if isinstance(place, str):
         return [Problem(origin, 0, 0, "", f"no stage is called '{steps[0]}'", place)]

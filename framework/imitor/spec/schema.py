@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from imitor.environment import Obstacle
 from imitor.kinds import Config
+from imitor.safety.tracking import TrackingOptions
 from imitor.spec.scalars import STR, escape, plain_tag
 
 VERSION: Final = 1
@@ -37,6 +38,9 @@ class PipelineDocument(BaseModel):
         0.0, ge=0, le=600, description="How long the last human frame is held so that transitions finish [s]."
     )
     seed: int = Field(0, ge=0, description="Seed of everything random [-].")
+    tracking: TrackingOptions = Field(
+        TrackingOptions(), description="What happens when the person is lost, and how they come back."
+    )
     environment: list[Obstacle] = Field([], description="Objects around the robot: boxes, cylinders, meshes.")
     source: Any = Field(description="Where human motion comes from: {use: NAME, ...options}.")
     stages: list[Any] = Field(description="Stages in order: {KIND: NAME, ...options}.")
@@ -79,6 +83,7 @@ class PipelineSpec:
         settle_s: How long the last human frame is held [s].
         environment: Objects around the robot, every default but an absent rotation written out.
         seed: Seed of everything random.
+        tracking: What happens when the person is lost.
         source: The source.
         stages: Filters, mappers, stabilizers, solvers and post-processors in order.
         sinks: The sinks.
@@ -96,6 +101,7 @@ class PipelineSpec:
     source: StageSpec
     stages: list[StageSpec]
     sinks: list[StageSpec]
+    tracking: TrackingOptions = field(default_factory=TrackingOptions)
     dropped: list[str] = field(default_factory=list, compare=False)
 
     def to_yaml(self) -> str:
@@ -107,6 +113,7 @@ class PipelineSpec:
             "speed": self.speed,
             "settle_s": self.settle_s,
             "seed": self.seed,
+            "tracking": self.tracking.model_dump(mode="json"),
             "environment": self.environment,
         }
         data["source"] = {"use": self.source.name, **self.source.options()}

@@ -1,0 +1,120 @@
+"""What the operator asks for: keys on the terminal, or calls from a program."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import sys
+import threading
+from collections import deque
+from collections.abc import Iterator
+from types import FrameType
+from typing import Final
+
+from imitor.safety.tracking import Request
+
+KEYS: Final = {"p": Request.PAUSE, " ": Request.PAUSE, "r": Request.RESUME, "s": Request.STOP}
+HELP: Final = "keys: p or space pause, r resume, s stop, q quit"
+_QUIT: Final = "q"
+_POLL_S: Final = 0.2
+
+
+class Operator:
+    """Takes requests from whatever thread; the run takes one a step.
+
+    Attributes:
+        quits: Whether the run is to end.
+        interrupted: Whether it is to end because of Ctrl-C.
+    """
+
+    def __init__(self) -> None:
+        self._requests: deque[Request] = deque(maxlen=16)
+        self.quits = self.interrupted = False
+
+    def ask(self, request: Request) -> None:
+        """Ask for something at the next step."""
+        self._requests.append(request)
+
+    def take(self) -> Request:
+        """Return what is asked for, if anything."""
+        try:
+            return self._requests.popleft()
+        except IndexError:
+            return Request.NONE
+
+    @contextlib.contextmanager
+    def on_interrupt(self) -> Iterator[None]:
+        """End the run at Ctrl-C or SIGTERM after the step that is being computed; a second Ctrl-C interrupts it."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+
+        def leave(number: int, frame: FrameType | None) -> None:
+            if self.interrupted:
+                raise KeyboardInterrupt
+            self.quits = self.interrupted = True
+
+        before = {s: signal.signal(s, leave) for s in (signal.SIGINT, signal.SIGTERM)}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+    @contextlib.contextmanager
+    def keys(self) -> Iterator[bool]:
+        """Listen to keys while the context lasts; yields whether there is a terminal to listen to."""
+        listener = _Keys(self) if sys.stdin is not None and sys.stdin.isatty() else None
+        if listener is None or not listener.begin():
+            yield False
+            return
+        try:
+            yield True
+        finally:
+            listener.end()
+
+    def press(self, key: str) -> None:
+        """Take a key."""
+        if key == _QUIT:
+            self.quits = True
+        elif key in KEYS:
+            self.ask(KEYS[key])
+
+
+class _Keys(threading.Thread):
+    """Reads single keys of a terminal, which is left as it was."""
+
+    def __init__(self, operator: Operator) -> None:
+        super().__init__(name="imitor-keys", daemon=True)
+        self._operator = operator
+        self._closing = threading.Event()
+
+    def begin(self) -> bool:
+        try:
+            import termios
+            import tty
+
+            self._before = termios.tcgetattr(sys.stdin)
+            tty.setcbreak(sys.stdin)
+        except (ImportError, OSError, ValueError):  # no such terminal here
+            return False
+        self.start()
+        return True
+
+    def run(self) -> None:
+        import select
+
+        while not self._closing.is_set():
+            ready, _, _ = select.select([sys.stdin], [], [], _POLL_S)
+            if ready:
+                self._operator.press(sys.stdin.read(1).lower())
+
+    def end(self) -> None:
+        import termios
+
+        self._closing.set()
+        self.join(1.0)
+        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+
+
+__all__ = ["HELP", "KEYS", "Operator"]

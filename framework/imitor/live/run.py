@@ -1,0 +1,219 @@
+"""A live run: reception, computation, commands and viewers in threads of their own; the newest frame wins.
+
+| thread | waits for | does | gives to |
+|---|---|---|---|
+| receiver | a datagram | decodes it | newest instant |
+| this one | a new instant, or a period without one | one step of the pipeline; files | newest solution |
+| output | the next time on the grid of the output rate | interpolates, guards | robot sinks |
+| viewers | a new solution | shows it | whoever looks |
+
+Between two threads lies room for one thing, and a newer one replaces it: no delay can grow.
+"""
+
+from __future__ import annotations
+
+import gc
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+from imitor.errors import SinkError, told
+from imitor.kinds import Sink, Tick
+from imitor.live.operator import Operator
+from imitor.live.output import Output
+from imitor.live.pace import Steps
+from imitor.live.received import RECEIVED_FILE, ReceivedRecorder
+from imitor.live.receiver import Arrival
+from imitor.live.solved import Solved
+from imitor.live.source import LiveSource
+from imitor.live.statistics import Durations
+from imitor.live.viewer import Viewers
+from imitor.pipeline import Pipeline
+from imitor.safety.tracking import Request
+
+REST_S: Final = 0.5
+"""At the end the robot is held for so long, so that it comes to rest [s]."""
+_SWITCH_S: Final = 0.0005
+"""How long one thread may keep the others waiting [s]."""
+
+Sinks = Sequence[tuple[str, Sink[Any]]]
+
+
+@dataclass
+class LiveReport:
+    """What happened in a live run.
+
+    Attributes:
+        steps: Steps computed.
+        without_frame: Steps for which nothing new had arrived.
+        overruns: Steps that took longer than a period.
+        compute: Time of a step.
+        latency: From a datagram's arrival to its solution.
+    """
+
+    steps: int = 0
+    without_frame: int = 0
+    overruns: int = 0
+    compute: Durations = field(default_factory=Durations)
+    latency: Durations = field(default_factory=Durations)
+
+
+class LiveRun:
+    """Runs a pipeline with a live source.
+
+    Args:
+        pipeline: The built pipeline.
+        sinks: The opened sinks, with their names for messages.
+        out_dir: Where what is received is recorded.
+        operator: Who may pause, resume, stop and end it.
+        write: Writes a record to a sink; raises `SinkError`.
+    """
+
+    def __init__(
+        self,
+        pipeline: Pipeline,
+        sinks: Sinks,
+        out_dir: Path,
+        operator: Operator,
+        write: Callable[[str, Sink[Any], Any], None],
+    ) -> None:
+        source = pipeline.source
+        if not isinstance(source, LiveSource):
+            raise TypeError(f"source '{source.name}' says it is live, but is no LiveSource")
+        self.pipeline, self.source, self.operator = pipeline, source, operator
+        self._write = write
+        self._every = [s for s in sinks if not (s[1].realtime or s[1].newest)]
+        output_hz = max(pipeline.spec.rate_hz or pipeline.rate_hz, pipeline.rate_hz)
+        commands = [s for s in sinks if s[1].realtime]
+        shown = [s for s in sinks if s[1].newest]
+        robot = pipeline.robot.twin()
+        self.output = (
+            Output(robot, pipeline.stack, commands, output_hz, pipeline.rate_hz) if commands else None
+        )
+        self.viewers = Viewers(pipeline.stack, shown) if shown else None
+        self.recorder = ReceivedRecorder(
+            pipeline.skeleton, pipeline.rate_hz, pipeline.calibrated_with, out_dir
+        )
+        self.report = LiveReport()
+        self._out_dir = out_dir
+
+    def drive(self, max_frames: int | None, done: Callable[[int], None]) -> None:
+        """Run until the operator ends it or so many steps are computed; then bring the robot to rest.
+
+        Args:
+            max_frames: Steps to compute; ``None``: until the operator ends it.
+            done: Called after every step with the number of finished ones.
+
+        Raises:
+            RunError: A stage or a sink failed; what was finished is kept.
+        """
+        threads = [t for t in (self.output, self.viewers) if t is not None]
+        switch = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH_S)
+        gc.collect()
+        gc.freeze()
+        try:
+            for thread in threads:
+                thread.start()
+            self._steps(max_frames, done)
+        finally:
+            for thread in threads:
+                thread.close()
+            sys.setswitchinterval(switch)
+            gc.unfreeze()
+
+    def _steps(self, max_frames: int | None, done: Callable[[int], None]) -> None:
+        start = time.perf_counter()
+        steps = Steps(self.pipeline.rate_hz, start)
+        rest: int | None = None
+        while True:
+            operator, finished = self.operator, self.report.steps
+            if rest is None and (operator.quits or (max_frames is not None and finished >= max_frames)):
+                rest = math.ceil(REST_S * self.pipeline.rate_hz)
+                request = Request.PAUSE
+            else:
+                request = operator.take() if rest is None else Request.NONE
+            if rest == 0:
+                return
+            rest = None if rest is None else rest - 1
+            arrival = self._next(steps)
+            begin = time.perf_counter()
+            time_s = begin - start
+            frame = None if arrival is None else self.source.human(arrival.sample, time_s)
+            self._step(Tick(time_s, frame, str(request)), arrival, begin)
+            done(self.report.steps)
+
+    def _next(self, steps: Steps) -> Arrival | None:
+        """Wait until the next step is due, and then for something new, but not longer than a period."""
+        clock = time.perf_counter
+        wait = steps.due_s - clock()
+        if wait > 0:
+            time.sleep(wait)
+        arrival = self.source.take()
+        waiting = arrival is not None
+        if arrival is None:
+            arrival = self.source.take(max(steps.patience_s - clock(), 0.0))
+        steps.begun(clock(), waiting)
+        return arrival
+
+    def _step(self, tick: Tick, arrival: Arrival | None, begin: float) -> None:
+        report = self.report
+        self.recorder.add(tick)
+        record = self.pipeline.advance(tick, begin)
+        ready = time.perf_counter()
+        report.steps += 1
+        report.without_frame += tick.frame is None
+        report.compute.add(ready - begin)
+        report.overruns += ready - begin > 1.0 / self.pipeline.rate_hz
+        if arrival is not None:
+            report.latency.add(ready - arrival.at_s)
+        if record is None:
+            return
+        if self.output is not None or self.viewers is not None:
+            solved = Solved.of(record, math.nan if arrival is None else arrival.at_s, ready)
+            if self.output is not None:
+                self.output.box.put(solved)
+                if self.output.error is not None:
+                    raise self.output.error
+            if self.viewers is not None:
+                self.viewers.box.put(solved)
+        for where, sink in self._every:
+            self._write(where, sink, record)
+
+    def save(self) -> list[Path]:
+        """Write what was received; return the files."""
+        path = self._out_dir / RECEIVED_FILE
+        try:
+            self.recorder.save(path)
+        except OSError as error:
+            raise SinkError(f"cannot write {path}: {told(error)}") from error
+        finally:
+            self.recorder.close()
+        return [path]
+
+    def figures(self) -> dict[str, Any]:
+        """Return what is told of the run in the report."""
+        report, tracking = self.report, self.pipeline.tracking
+        out: dict[str, Any] = {
+            "step_rate_hz": self.pipeline.rate_hz,
+            "steps": report.steps,
+            "without_frame": report.without_frame,
+            "overruns": report.overruns,
+            "replaced": 0 if self.source.receiver is None else self.source.receiver.box.replaced,
+            "reception": self.source.reception.figures(),
+            "compute": report.compute.figures(),
+            "latency_to_solution": report.latency.figures(),
+            "state": str(tracking.state),
+        }
+        if self.output is not None:
+            out["output"] = self.output.figures()
+        if self.viewers is not None:
+            out["viewers"] = self.viewers.figures()
+        return out
+
+
+__all__ = ["REST_S", "LiveReport", "LiveRun"]
