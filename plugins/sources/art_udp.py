@@ -14,7 +14,8 @@ from imitor.errors import ImitorError, SourceError, did_you_mean
 from imitor.human.markers import TARGETS
 from imitor.kinds import Source
 from imitor.live.art import ArtFrame, read_art, write_art
-from imitor.live.points import NEEDED, BodyConfig, PointBody, no_points
+from imitor.live.body_options import AxesConfig
+from imitor.live.points import NEEDED, PointBody, no_points
 from imitor.live.sample import Decoder, Sample
 from imitor.live.sender import Encoder, lacking
 from imitor.live.source import LiveSource
@@ -34,7 +35,7 @@ JOINTS_61: Final = (
 """Roles by the joint ids of the human model of 61 joints; without fingers."""
 
 
-class ArtUdpConfig(BodyConfig):
+class ArtUdpConfig(AxesConfig):
     """Options of the source of an optical tracking system."""
 
     port: int = Field(PORT, ge=0, le=65535, description="Port to listen at; 0 takes a free one [-].")
@@ -189,7 +190,7 @@ class ArtUdp(LiveSource[ArtUdpConfig]):
         options = TargetOptions(
             rate_hz=self.rate_hz,
             up=c.up,
-            floor=c.floor,
+            floor=c.recorded_floor,
             height_m=c.height_m,
             mass_kg=c.mass_kg,
             sex=c.sex,

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from imitor.human.markers import TARGETS
+from imitor.live.body_options import as_received
 from imitor.motion.target_joints import place_joints
 from imitor.motion.target_recording import TargetLearning
 from imitor.types import ROLES, Array, BoolArray, HumanFrame, read_only
@@ -21,7 +22,7 @@ class TargetPerson:
     """
 
     def __init__(self, names: Sequence[str], learned: TargetLearning) -> None:
-        self.skeleton = learned.clip.skeleton
+        self.skeleton = as_received(learned.clip.skeleton)
         self._learned = learned
         self._order = [names.index(name) for name in TARGETS]
         self._known: BoolArray = np.array([r in self.skeleton.roles for r in ROLES])
