@@ -30,7 +30,8 @@ from imitor.live.sample import Foreign, Malformed, Sample
 from imitor.plugins.sources.optitrack import Optitrack, OptitrackConfig
 from imitor.types import ROLE_INDEX, HumanFrame
 from known import known
-from live_streams import datagrams, decoded, listening, performer, received, taken
+from live_people import heard
+from live_streams import datagrams, decoded, performer, received, taken
 
 Array = NDArray[np.float64]
 VERSIONS = [(2, 6), (2, 7), (2, 9), (2, 11), (3, 0), (3, 1), (4, 0), (4, 1)]
@@ -491,7 +492,7 @@ def test_frames_of_a_server_that_is_not_asked_say_what_is_missing() -> None:
 
 
 def test_over_a_socket() -> None:
-    with listening(live(learn_s=1.2), performer()) as source:
+    with heard(Optitrack, performer(rate_hz=100.0), learn_s=1.2) as source:
         assert source.rate_hz == pytest.approx(100.0, rel=0.05)
         frames = [f for f, _ in zip(source.frames(), range(20), strict=False)]
         assert len(frames) == 20

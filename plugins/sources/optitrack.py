@@ -101,10 +101,11 @@ class Optitrack(LiveSource[OptitrackConfig]):
         """
         try:
             super().start()
-        except ImitorError as error:
-            self.close()
+        except ImitorError:
             lacking = "" if self._wire is None else self._wire.lacking()
-            raise ImitorError(lacking or str(error)) from None
+            if lacking and not self.reception.samples:
+                raise ImitorError(lacking) from None
+            raise
 
     def learn(self, samples: Sequence[Sample]) -> None:
         """Find lengths, rest pose and floor.
