@@ -18,6 +18,7 @@ from imitor.human.rotations import about_x, about_y, about_z
 from imitor.live.osc import OscReader, bundles
 from imitor.live.quaternions import quaternions
 from imitor.live.sample import BadDatagram, Foreign, Malformed, Sample
+from imitor.live.stream import Network
 from imitor.live.vmc import BONES, VmcDecoder, VmcPose
 from imitor.live.vmc_body import FROM_UNITY, BoneTree
 from imitor.plugins.sources.vmc_osc import VmcOsc, VmcOscConfig
@@ -380,6 +381,17 @@ def test_a_stream_without_a_body_is_refused() -> None:
         source.learn(decoded(VmcDecoder(), [bone("Head"), STATE] * 5))
     with pytest.raises(ImitorError, match=r"the avatar has no bone LeftUpperArm, .*; a body needs them"):
         source.learn(decoded(VmcDecoder(), [bone("Hips"), STATE] * 5))
+
+
+def test_over_a_bad_network() -> None:
+    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
+    with heard(VmcOsc, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
+        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
+        r = source.reception
+        assert len(frames) == 100
+        assert min(r.duplicated, r.reordered) > 0
+        assert r.malformed == r.foreign == 0
+        assert np.diff([f.time_s for f in frames]).min() > 0
 
 
 def test_over_a_socket() -> None:
