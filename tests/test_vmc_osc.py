@@ -156,6 +156,20 @@ def test_the_state_alone_ends_an_instant() -> None:
     assert np.isnan(samples[0].time_s)
 
 
+def test_a_clock_before_the_bones_does_not_delay_them() -> None:
+    packets = []
+    for i in range(4):
+        packets += [bundle(STATE, clock(10 + i / 64), root(i, 0, 0), bone("Hips")), bundle(bone("Head"))]
+    decoder = VmcDecoder()
+    samples = [decoder.decode(p) for p in packets]
+    assert [s is not None for s in samples] == [False, False, True, True, False, True, False, True]
+    told = [s for s in samples if s is not None]
+    assert [s.time_s for s in told] == [10 + i / 64 for i in range(4)]
+    assert [s.body.root[0] for s in told] == [0, 1, 2, 3]
+    assert all(bones_told(s) == {"Hips", "Head"} for s in told)
+    assert decoder.decode(packets[-1]) is None
+
+
 def test_of_a_sender_without_a_clock_the_next_root_or_the_last_bone_ends_an_instant() -> None:
     one, two = bundle(root(), bone("Hips")), bundle(bone("Head"))
     decoder = VmcDecoder()
