@@ -559,6 +559,13 @@ def test_frames_of_a_server_that_is_not_asked_say_what_is_missing() -> None:
     ]
 
 
+def test_a_server_that_is_no_machine_is_told() -> None:
+    with pytest.raises(
+        ImitorError, match=r"no machine is known as server 'nowhere\.invalid'; give its address"
+    ):
+        live(server="nowhere.invalid").start()
+
+
 def test_over_a_bad_network() -> None:
     bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
     with heard(Optitrack, performer(rate_hz=100.0), bad, learn_s=1.2) as source:

@@ -95,11 +95,16 @@ class Optitrack(LiveSource[OptitrackConfig]):
         return self._wire
 
     def open(self) -> socket.socket:
-        """Return the bound socket, from which the server is asked, too."""
+        """Return the bound socket, from which the server is asked, too.
+
+        Raises:
+            ImitorError: There is no such server, or the address to listen at is not to be had.
+        """
         c = self.config
+        address = _found(c.server) if c.server else ""
         sock = bind(c.host, c.port, multicast=c.multicast)
-        if c.server:
-            self._asker = Asker(sock, (c.server, c.command_port), self._requests, _ASK_EVERY_S)
+        if address:
+            self._asker = Asker(sock, (address, c.command_port), self._requests, _ASK_EVERY_S)
         return sock
 
     def _requests(self) -> Sequence[bytes]:
@@ -181,6 +186,14 @@ class Optitrack(LiveSource[OptitrackConfig]):
         if not markers_alone:
             check_sendable(cls.name, source)
         return NatNetEncoder(source.skeleton, source.rate_hz, bones=not markers_alone)
+
+
+def _found(server: str) -> str:
+    """Return the address of a machine."""
+    try:
+        return str(socket.getaddrinfo(server, None, socket.AF_INET)[0][4][0])
+    except (OSError, UnicodeError):
+        raise ImitorError(f"no machine is known as server '{server}'; give its address") from None
 
 
 @hookimpl

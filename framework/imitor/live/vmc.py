@@ -86,10 +86,11 @@ class VmcDecoder:
         bones = [i for i, kind in enumerate(kinds) if kind == BONE]
         if clocks and bones:
             self._leads = clocks[0] < bones[0]
+        last_bone = bones[-1] if bones else -1
         for i in clocks:
             if (
-                not bones or i > bones[-1]
-            ):  # it is of the bones before it, which end with the first such message
+                i > last_bone
+            ):  # this time is of the bones before it, which end with the first message of this kind
                 self._set_time(*messages[i])
         sample = None
         for address, values in messages:
