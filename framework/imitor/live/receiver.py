@@ -95,22 +95,19 @@ class Receiver:
     Attributes:
         box: Where the newest sample lies.
         reception: What was received so far.
+        port: The port that is listened at.
     """
 
     def __init__(self, sock: socket.socket, decoder: Decoder, senders: Sequence[str] = ()) -> None:
         self.box: Mailbox[Arrival] = Mailbox()
         self.reception = Reception()
+        self.port = int(sock.getsockname()[1])
         self._socket, self._decoder, self._senders = sock, decoder, frozenset(senders)
         self._order = Order(self.reception)
         self._closing = threading.Event()
         self._tap: Callable[[Arrival], None] | None = None
         sock.settimeout(_POLL_S)
         self._thread = threading.Thread(target=self._read, name="imitor-receiver", daemon=True)
-
-    @property
-    def port(self) -> int:
-        """The port that is listened at."""
-        return int(self._socket.getsockname()[1])
 
     def start(self) -> None:
         """Begin to listen."""
