@@ -42,7 +42,7 @@ from imitor.types import Array
 REST_S: Final = 0.3
 MOST_REST_S: Final = 3.0
 """At the end the robot is held for at least and at most so long, until it is at rest [s]."""
-AT_REST_RAD_S: Final = 0.01
+AT_REST_RAD_S: Final = 0.05
 """A robot whose joints are all slower is at rest [rad/s]."""
 FIRST_S: Final = 2.0
 """How long the first step waits for a person at most [s]."""
