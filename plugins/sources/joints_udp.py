@@ -14,8 +14,9 @@ from pydantic import Field, field_validator
 from imitor import hookimpl
 from imitor.errors import did_you_mean
 from imitor.kinds import Source
-from imitor.live.points import BodyConfig, PointBody, no_points
-from imitor.live.rotations import matrices, quaternions
+from imitor.live.body_options import AxesConfig
+from imitor.live.points import PointBody, no_points
+from imitor.live.quaternions import quaternions, rotations
 from imitor.live.sample import Decoder, Foreign, Malformed, Sample
 from imitor.live.sender import Encoder
 from imitor.live.source import LiveSource
@@ -29,7 +30,7 @@ FARTHEST_M: Final = 1000.0
 """A position beyond this is no person's [m]."""
 
 
-class JointsUdpConfig(BodyConfig):
+class JointsUdpConfig(AxesConfig):
     """Options of the source of joint positions."""
 
     port: int = Field(PORT, ge=0, le=65535, description="Port to listen at; 0 takes a free one [-].")
@@ -97,7 +98,7 @@ class JointsDecoder:
             for i, values in self._items(told, "orientation_wxyz"):
                 if values is not None:
                     quaternion[i] = _numbers(values, 4)
-            orientation = matrices(quaternion)
+            orientation = rotations(quaternion)
         return Sample(counter, float(time_s), Told(position, orientation))
 
     def _items(self, told: Mapping[str, Any], key: str) -> list[tuple[int, Any]]:

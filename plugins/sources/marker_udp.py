@@ -14,9 +14,9 @@ from pydantic import Field
 
 from imitor import hookimpl
 from imitor.kinds import Source
+from imitor.live.body_options import AxesConfig
 from imitor.live.markers import MarkerPerson
 from imitor.live.parts import Parts
-from imitor.live.points import BodyConfig
 from imitor.live.sample import Decoder, Foreign, Malformed, Sample
 from imitor.live.sender import Encoder, lacking
 from imitor.live.source import LiveSource
@@ -43,7 +43,7 @@ FARTHEST_M: Final = 1000.0
 _POINT: Final = np.dtype("<f4")
 
 
-class MarkerUdpConfig(BodyConfig):
+class MarkerUdpConfig(AxesConfig):
     """Options of the source of markers."""
 
     port: int = Field(PORT, ge=0, le=65535, description="Port to listen at; 0 takes a free one [-].")
@@ -181,8 +181,10 @@ class MarkerUdp(LiveSource[MarkerUdpConfig]):
         position = np.array([s.body.position for s in samples if s.body.labels == labels])
         cards = Registry().cards("markersets")
         fit = choose_marker_set(self.name, labels, c.marker_set, c.subject, cards)
-        file = MarkerFile(labels, position, self.rate_hz, unit="m", up=c.up)
-        options = MarkerOptions(floor=c.floor, height_m=c.height_m, mass_kg=c.mass_kg, sex=c.sex)
+        file = MarkerFile(labels, position, self.rate_hz, unit="m")
+        options = MarkerOptions(
+            up=c.up, floor=c.recorded_floor, height_m=c.height_m, mass_kg=c.mass_kg, sex=c.sex
+        )
         self._person = MarkerPerson(labels, fit, learn_markers(self.name, file, fit, options), position)
         self.skeleton = self._person.skeleton
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 from pydantic import Field
 
 from imitor.live.source import LiveConfig
+from imitor.types import Skeleton
 
 
 class BodyConfig(LiveConfig):
@@ -22,5 +24,31 @@ class BodyConfig(LiveConfig):
     mass_kg: float = Field(70.0, gt=0.0, description="Mass of the person [kg].")
     sex: Literal["male", "female"] = Field("male", description="Sex of the person, for the mass model.")
 
+    @property
+    def recorded_floor(self) -> str | float:
+        """The floor in the words of recordings: auto, file or its height [m]."""
+        return "file" if self.floor == "sender" else self.floor
 
-__all__ = ["BodyConfig"]
+
+def as_received(skeleton: Skeleton) -> Skeleton:
+    """Return a skeleton that was learned as that of a recording, with notes that speak of the sender."""
+    words = (
+        ("of the file", "of the sender"),
+        ("the file's", "the sender's"),
+        ("in the recording", "in its world"),
+    )
+    notes = list(skeleton.notes)
+    for old, new in words:
+        notes = [note.replace(old, new) for note in notes]
+    return replace(skeleton, notes=tuple(notes))
+
+
+class AxesConfig(BodyConfig):
+    """The same for protocols that do not say which of their axes points up."""
+
+    up: Literal["x", "y", "z", "-x", "-y", "-z"] = Field(
+        "z", description="Axis of the sender's world that points up."
+    )
+
+
+__all__ = ["AxesConfig", "BodyConfig", "as_received"]

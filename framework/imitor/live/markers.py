@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from imitor.live.body_options import as_received
 from imitor.motion.frame_centres import FrameCentres, heel_down
 from imitor.motion.marker_recording import MarkerLearning
 from imitor.motion.marker_sets import MarkerSetFit
@@ -27,7 +28,7 @@ class MarkerPerson:
     def __init__(
         self, labels: Sequence[str], fit: MarkerSetFit, learned: MarkerLearning, first: Array
     ) -> None:
-        self.skeleton = learned.clip.skeleton
+        self.skeleton = as_received(learned.clip.skeleton)
         self._labels, self._fit, self._learned = tuple(labels), fit, learned
         self._rotation = (learned.scale * learned.world).T
         self._centres = FrameCentres(learned.centres, learned.landmarks)

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
-from pydantic import Field
 
 from imitor.errors import ImitorError
-from imitor.live.source import LiveConfig
+from imitor.live.body_options import AxesConfig, as_received
 from imitor.motion.body_lengths import rest_pose, stature
 from imitor.motion.kinect_body import side_evidence
 from imitor.motion.marker_recording import find_stance_with_gaps
@@ -20,23 +17,6 @@ NEEDED = ("pelvis", *(f"{s}_{j}" for j in ("hip", "shoulder") for s in SIDES))
 _MIRRORED = -0.3
 _HIPS = [ROLE_INDEX["left_hip"], ROLE_INDEX["right_hip"]]
 _PELVIS = ROLE_INDEX["pelvis"]
-
-
-class BodyConfig(LiveConfig):
-    """Options of live sources that find the person's body and floor by themselves."""
-
-    up: Literal["x", "y", "z", "-x", "-y", "-z"] = Field(
-        "z", description="Axis of the sender's world that points up [-]."
-    )
-    floor: Literal["auto", "file"] | float = Field(
-        "auto",
-        description="Floor: auto (from the standing feet), file (the sender's zero) or its height there [m].",
-    )
-    height_m: float | None = Field(
-        None, gt=0, le=3, description="Stature of the person; none: from the segments [m]."
-    )
-    mass_kg: float = Field(70.0, gt=0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field("male", description="Sex of the person, for the mass model [-].")
 
 
 class PointBody:
@@ -55,7 +35,7 @@ class PointBody:
         skeleton: The constant facts.
     """
 
-    def __init__(self, name: str, position: Array, rate_hz: float, options: BodyConfig) -> None:
+    def __init__(self, name: str, position: Array, rate_hz: float, options: AxesConfig) -> None:
         self._world = np.array(UP_AXES[options.up], dtype=np.float64)
         position = with_pelvis(position) @ self._world.T
         seen: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
@@ -75,14 +55,14 @@ class PointBody:
                 "correct the names, or the sender's axes and the option up"
             )
         stance = find_stance_with_gaps(position, rate_hz, height_m)
-        self._floor_m, why = choose_floor(stance, options.floor)
+        self._floor_m, why = choose_floor(stance, options.recorded_floor)
         position[..., 2] -= self._floor_m
         ankle_m, toe_m = foot_heights(stance, self._floor_m, height_m)
         self._known: BoolArray = np.asarray(seen.any(axis=0))
         roles = frozenset(r for r in ROLES if self._known[ROLE_INDEX[r]])
-        notes = [why.replace("file's", "sender's").replace("recording", "sender's world")]
+        notes = [why]
         notes.append(f"stature {height_m:.2f} m" + (" as given" if options.height_m else ""))
-        self.skeleton = Skeleton(
+        skeleton = Skeleton(
             name=name,
             roles=roles,
             rest_position=rest_pose(position, height_m, ankle_m, toe_m, roles),
@@ -93,6 +73,7 @@ class PointBody:
             sex=options.sex,
             notes=tuple(notes),
         )
+        self.skeleton = as_received(skeleton)
 
     def frame(self, time_s: float, position: Array, orientation: Array | None = None) -> HumanFrame:
         """Return the human frame of one instant.
@@ -126,4 +107,4 @@ def no_points() -> Array:
     return np.full((N_ROLES, 3), np.nan)
 
 
-__all__ = ["NEEDED", "BodyConfig", "PointBody", "no_points", "with_pelvis"]
+__all__ = ["NEEDED", "PointBody", "no_points", "with_pelvis"]

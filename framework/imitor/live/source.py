@@ -137,15 +137,18 @@ class LiveSource(Source[C]):
         """
         self.receiver = Receiver(self.open(), self.decoder(), self.config.senders)
         self.receiver.start()
-        arrivals = self._watch(self.receiver)
-        self.rate_hz = self.config.rate_hz or measured_rate(arrivals)
-        self.learn([a.sample for a in arrivals])
+        try:
+            arrivals = self._watch(self.receiver)
+            self.rate_hz = self.config.rate_hz or measured_rate(arrivals)
+            self.learn([a.sample for a in arrivals])
+        except BaseException:
+            self.close()
+            raise
 
     def _watch(self, receiver: Receiver) -> list[Arrival]:
         c, out = self.config, []
         first = receiver.box.take(c.wait_s)
         if first is None:
-            self.close()
             raise ImitorError(self._nothing(receiver))
         out.append(first)
         while (left := out[0].at_s + c.learn_s - time.perf_counter()) > 0:
@@ -153,7 +156,6 @@ class LiveSource(Source[C]):
             if arrival is not None:
                 out.append(arrival)
         if len(out) < _LEAST_SAMPLES:
-            self.close()
             raise ImitorError(
                 f"only {len(out)} instants came in {c.learn_s:g} s; is the sender still running? Set learn_s higher "
                 "for a slow one"

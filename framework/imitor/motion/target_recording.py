@@ -15,7 +15,7 @@ from imitor.motion.clip import Clip, window
 from imitor.motion.marker_file import find_gaps
 from imitor.motion.marker_recording import find_stance_with_gaps, stature
 from imitor.motion.normalise import DEFAULT_HEIGHT_M, UNITS, UP_AXES, choose_floor, foot_heights
-from imitor.motion.target_joints import target_joints
+from imitor.motion.target_joints import TargetFit, fit_targets, place_joints, target_joints
 from imitor.types import ROLE_INDEX, ROLES, Array, BoolArray, Skeleton
 
 
@@ -32,6 +32,26 @@ class TargetOptions:
     stop_s: float | None = None
     mass_kg: float = 70.0
     sex: str = "male"
+    rate_note: str = "as given: the file has no time stamps"
+
+
+@dataclass(frozen=True)
+class TargetLearning:
+    """What a recording showed of a person and a room, good for every other frame.
+
+    Attributes:
+        clip: The recording in our world.
+        scale: Metres per unit of the recording.
+        world: Our world from the recording's axes, shape (3, 3).
+        floor_m: Height of the floor in the recording, after turning and scaling [m].
+        joints: Where the joints lie in the targets.
+    """
+
+    clip: Clip
+    scale: float
+    world: Array
+    floor_m: float
+    joints: TargetFit
 
 
 def check_names(path: str | Path, names: Sequence[str]) -> None:
@@ -69,6 +89,24 @@ def make_target_recording(
     Raises:
         SourceError: There is no body in it, or no frame is left.
     """
+    clip = learn_targets(path, pose, names, options).clip
+    return clip.part(*window(path, len(clip), options.rate_hz, options.start_s, options.stop_s))
+
+
+def learn_targets(
+    path: str | Path, pose: Array, names: Sequence[str], options: TargetOptions
+) -> TargetLearning:
+    """Bring a recording into our world whole, and return what was learned on the way.
+
+    Args:
+        path: The file, for messages.
+        pose: World from target, shape (T, K, 4, 4) [file units]; NaN where lost.
+        names: Names of the targets in the order of the file.
+        options: What the user says about it.
+
+    Raises:
+        SourceError: There is no body in it.
+    """
     gaps = find_gaps(np.asarray(np.isfinite(pose).all(axis=(2, 3))))
     notes = [
         "17 rigid targets of unknown mounting: joint centres from their motion, or near a guess where they rest"
@@ -86,11 +124,12 @@ def make_target_recording(
         raise SourceError(
             path, f"the body would be {height_m:.3g} m tall: set unit, or correct the order of targets"
         )
-    position = target_joints(by_name, height_m)
+    joints = fit_targets(by_name, height_m)
+    position = place_joints(np.stack([by_name[name] for name in TARGETS], axis=1), joints)
     stance = find_stance_with_gaps(position, options.rate_hz, height_m)
     floor, why = choose_floor(stance, options.floor)
     notes += [why, f"stature {height_m:.2f} m" + (" as given" if options.height_m else "")]
-    notes.append(f"rate: {options.rate_hz:g} Hz, as given: the file has no time stamps")
+    notes.append(f"rate: {options.rate_hz:g} Hz, {options.rate_note}")
     position[..., 2] -= floor
     scaled[..., 2, 3] -= floor
     ankle_m, toe_m = foot_heights(stance, floor, height_m)
@@ -114,4 +153,4 @@ def make_target_recording(
         "gaps": gaps.count, "gap_frames": gaps.frames,
     }  # fmt: skip
     clip = Clip(skeleton, options.rate_hz, position, valid, facts, target=scaled, target_valid=seen)
-    return clip.part(*window(path, len(clip), options.rate_hz, options.start_s, options.stop_s))
+    return TargetLearning(clip, UNITS[options.unit], world[:3, :3], floor, joints)
