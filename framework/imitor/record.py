@@ -240,6 +240,10 @@ class Recorder:
     def __len__(self) -> int:
         return len(self._rows)
 
+    def close(self) -> None:
+        """Give the disk space of a live run back; what was returned before stays."""
+        self._rows.close()
+
     def motion(self) -> Motion:
         """Return the robot's motion so far."""
         from imitor.types import STATUS
