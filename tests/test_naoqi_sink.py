@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -115,9 +116,21 @@ def test_nobody_at_the_address() -> None:
         capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=environment,
     )  # fmt: skip
     assert json.loads(client.stdout.splitlines()[-1])["error"] == (
-        "nothing answers at 127.0.0.1:1: Connection refused; "
-        "is the robot switched on, and are `host` and `port` its own?"
+        "tcp://127.0.0.1:1: Connect error: 111: Connection refused; "
+        "is the robot switched on and in this network, and are `host` and `port` its own?"
     )
+
+
+def test_what_listens_there_is_no_robot(tmp_path: Path) -> None:
+    """qi itself hangs or crashes here."""
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        port = mute.getsockname()[1]
+        with pytest.raises(
+            SinkError, match=rf"^tcp://127.0.0.1:{port}: no answer in 0.2 s; is the robot switched on"
+        ):
+            opened(Naoqi, run_of(tmp_path, NAO), armed=True, port=port, timeout_s=0.2)
 
 
 def test_unarmed_no_robot_is_needed(tmp_path: Path) -> None:
