@@ -161,8 +161,11 @@ class RobotSink(Sink[C]):
             except BaseException:
                 self.close()
                 raise
-        self.command.q[N_BASE:] = start
-        self._approach = Approach(start, self._speed, self._dt_s, self.config.blend_speed_rad_s)
+        self._begin_at(start)
+
+    def _begin_at(self, joints: Array) -> None:
+        self.command.q[N_BASE:] = joints
+        self._approach = Approach(joints, self._speed, self._dt_s, self.config.blend_speed_rad_s)
 
     def _posture(self, robot: RobotModel) -> Array:
         found = self.present()
@@ -191,7 +194,7 @@ class RobotSink(Sink[C]):
         """Send the command of a frame; the first one of a recording waits until the robot is there.
 
         Raises:
-            SinkError: For ``give_up_s`` no command has got through.
+            SinkError: The robot does not tell where it is, or for ``give_up_s`` no command has got through.
         """
         q, status = record.state.q, record.state.status
         if not isfinite(q.dot(q)):
@@ -199,6 +202,8 @@ class RobotSink(Sink[C]):
             q, status = self.command.q, HELD
         if self.command.index < 0:
             self.command.q[:N_BASE] = q[:N_BASE]
+            if self.armed:  # since `open` it may have moved
+                self._begin_at(self._posture(self.run.robot))
             self._approach.plan(np.clip(q[N_BASE:], self._lower, self._upper))
             if self.armed and self._approach.duration_s > 0:
                 log.info("%s: %.1f s to the first command", self.name, self._approach.duration_s)
