@@ -79,7 +79,7 @@ def play(
         velocity_reference: Whether the servos damp the deviation from the commanded speed, or all speed.
         observer: Called after every step.
     """
-    with _silent(import_mujoco()):
+    with silent(import_mujoco()):
         run = _Run(body, motion, rule or FallRule(), velocity_reference, observer)
         return run.execute(settle_s)
 
@@ -243,7 +243,7 @@ class _Run:
 
 
 @contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[None]:
+def silent(mujoco: Any) -> Iterator[None]:
     """Keep MuJoCo from writing its warnings into a file of the current folder."""
     mujoco.set_mju_user_warning(lambda _message: None)
     try:
@@ -252,4 +252,4 @@ def _silent(mujoco: Any) -> Iterator[None]:
         mujoco.set_mju_user_warning(None)
 
 
-__all__ = ["Observer", "Trace", "fitting_step", "play"]
+__all__ = ["Observer", "Trace", "fitting_step", "play", "silent"]
