@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
+from imitor.tasks import Task
 from imitor.types import SIDES, Array
 
 Vector = tuple[float, float, float]
@@ -24,9 +25,16 @@ class ContactTransitionConfig(Config):
         (0.0, 0.0, 0.0),
         description="The left hand's grip from the object's position, in world; mirrored for the right hand [m].",
     )
-    travel_m: Vector = Field(
-        (0.0, 0.0, 0.0),
-        description="How far and where to the object moves when it is pulled or pushed, in world [m].",
+    travel_m: Vector | None = Field(
+        None,
+        description="How far and where to the object is moved when it is pulled or pushed, in world; none: as far as "
+        "it slides, and not at all if it has no `slide` [m].",
+    )
+    grasp_m: float = Field(
+        0.01,
+        gt=0,
+        description="A hand of the person this near its grip, wherever the object is, takes hold of it, and lets go "
+        "this far from its travel [m].",
     )
     radius_m: float = Field(
         0.1, gt=0, description="Sphere around the grip within which the robot grows to the person's size [m]."
@@ -55,6 +63,12 @@ class ContactTransitionConfig(Config):
     )
     rise_m: float = Field(0.0, ge=0, le=2, description="How far a placement may raise the robot [m].")
 
+    @model_validator(mode="after")
+    def _holds_in_full_size(self) -> ContactTransitionConfig:
+        if self.held_m < self.grasp_m:
+            raise ValueError("a hand that holds has the person's path: grasp_m should be at most held_m")
+        return self
+
 
 class ContactTransition(Stabilizer[ContactTransitionConfig]):
     """Own hand paths in the free, the person's at an object, the robot growing between [tomic2018] T7, T8, T11.
@@ -64,8 +78,11 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
     its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends
     on the distance of the person's hand alone, with no step in velocity; leaving is the same way back.
 
+    It also tells which hands hold the object and how far they moved it: from when the person's hand reaches the grip
+    until it leaves the object's travel. An object that slides, and what is part of it, moves along.
+
     It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis
-    is     anchored where the mapper has it, shifted by `placement_m`.
+    is anchored where the mapper has it, shifted by `placement_m`.
     """
 
     name = "contact_transition"
@@ -82,6 +99,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         Raises:
             ImitorError: The environment has no object of this name.
         """
+        from imitor.contact.grasp import Grasp
         from imitor.contact.grips import Grips
 
         c = self.config
@@ -93,9 +111,10 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         self._pelvis = None
         if "pelvis" in stack:
             self._pelvis = stack["pelvis"]
-        self.grips = None
+        self.grips = self._grasp = None
         if c.object is not None:
             self.grips = Grips(self.environment, c.object, c.grip_offset_m, c.travel_m)
+            self._grasp = Grasp(self.grips, c.grasp_m)
 
     def start(self) -> None:
         """Prepare the limits and a robot in its own size."""
@@ -120,16 +139,18 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         """Forget where the robot was placed."""
         self.placement: Array | None = None
         self.share: Array = np.zeros(2)
+        if self._grasp is not None:
+            self._grasp.reset()
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
-        """Write the targets of the hands, and place the pelvis."""
+        """Write the targets of the hands and the state of the object, and place the pelvis."""
+        self._move_object(stack)
         own = self._place(stack)
         q = self._posture.target.copy()
         modified = np.where(self._arms, self._limits(q), q)
         pelvis = own if self._pelvis is None else self._pelvis.target
         for i, task in self._hands:
-            hand = task.target if task.kind is TaskKind.POSITION else task.target[:3, 3]
-            self.share[i] = self._share(hand, i)
+            self.share[i] = self._share(_position(task), i)
             if self.share[i] >= 1.0:
                 continue  # the person's hand itself
             pose = self._grown_hand(float(self.share[i]), task.frame, (own, pelvis), (modified, q))
@@ -138,6 +159,15 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
             else:
                 task.target[:] = pose
         self._posture.target[:] = modified  # beyond a limit it would hold a joint there that the hands need
+
+    def _move_object(self, stack: TaskStack) -> None:
+        """Write which hands hold the object, and where it is."""
+        stack.held[:] = -1
+        if self._grasp is None or self.grips is None:
+            return
+        self._grasp.step([(i, _position(task)) for i, task in self._hands])
+        stack.held[self._grasp.holds] = self.grips.number
+        stack.object_shift[self.grips.moving] = self._grasp.shift
 
     def _share(self, hand: Array, side: int) -> float:
         """Return the share of growth for a hand of the person: 0 outside the sphere, 1 at the grip."""
@@ -203,6 +233,11 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
                 "object, or give placement_m"
             )
         return shift
+
+
+def _position(task: Task) -> Array:
+    """Return where a hand's target is, shape (3,) [m]."""
+    return task.target if task.kind is TaskKind.POSITION else task.target[:3, 3]
 
 
 @hookimpl

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from imitor.environment import Slide
 from imitor.errors import ImitorError, did_you_mean
 from imitor.types import SIDES, Array
 
@@ -18,13 +19,19 @@ class Grips:
     is in contact depends on where it is alone, not on what was before.
 
     Args:
-        environment: Objects, each with ``name`` and ``position_m``.
+        environment: Objects, each with ``name`` and ``position_m``, and what they slide with.
         name: Which one is held.
         offset_m: Of the left hand's grip from the object's position, in world; mirrored for the right one.
-        travel_m: How far and where to the object can be moved, in world; zero for a fixed one.
+        travel_m: How far and where to the object can be moved, in world; ``None``: as far as it slides.
+
+    Attributes:
+        closed: Both grips where the object is written, shape (2, 3) [m].
+        travel: As given or found, shape (3,) [m].
+        number: The object's place in the environment.
+        moving: Places of all objects that slide with it, itself included; empty when it stands still.
 
     Raises:
-        ImitorError: There is no such object.
+        ImitorError: There is no such object, or it does not slide so.
     """
 
     def __init__(
@@ -32,7 +39,7 @@ class Grips:
         environment: Sequence[Mapping[str, Any]],
         name: str,
         offset_m: Sequence[float],
-        travel_m: Sequence[float],
+        travel_m: Sequence[float] | None,
     ) -> None:
         objects = {str(o.get("name", "")): o for o in environment}
         if name not in objects:
@@ -44,8 +51,15 @@ class Grips:
             )
         position = np.asarray(objects[name].get("position_m", (0.0, 0.0, 0.0)), dtype=float)
         offset = np.asarray(offset_m, dtype=float)
-        self.travel: Array = np.asarray(travel_m, dtype=float)
         self.closed: Array = np.stack([position + offset, position + offset * (1.0, -1.0, 1.0)])
+        names = list(objects)
+        self.number = names.index(name)
+        carrier = str(objects[name].get("part_of") or name)
+        slide = objects.get(carrier, {}).get("slide")
+        self.moving = [
+            k for k, o in enumerate(objects.values()) if slide and carrier in (names[k], o.get("part_of"))
+        ]
+        self.travel: Array = _travel(carrier, Slide.model_validate(slide) if slide else None, travel_m)
         self._length2 = float(self.travel @ self.travel)
 
     def moved(self, hand: Array, side: int) -> float:
@@ -62,6 +76,22 @@ class Grips:
     def places(self, n: int = 3) -> list[Array]:
         """Return both grips at ``n`` places of the travel, each shape (2, 3) [m]."""
         return [self.closed + share * self.travel for share in np.linspace(0.0, 1.0, n)]
+
+
+def _travel(name: str, slide: Slide | None, given: Sequence[float] | None) -> Array:
+    """Return how an object is moved: as given, if it can be, else as far as it slides, shape (3,) [m]."""
+    if given is None:
+        return np.zeros(3) if slide is None else slide.range_m * slide.direction()
+    travel = np.asarray(given, dtype=float)
+    if slide is not None:
+        along = float(travel @ slide.direction())
+        aside = float(np.linalg.norm(travel - along * slide.direction()))
+        if aside > 1e-6 or not 0.0 <= along <= slide.range_m + 1e-9:
+            raise ImitorError(
+                f"travel_m {travel.tolist()} does not fit '{name}', which slides {slide.range_m} m along "
+                f"{slide.direction().round(3).tolist()}; leave travel_m out for all of that"
+            )
+    return travel
 
 
 __all__ = ["SIDES", "Grips"]
