@@ -92,12 +92,7 @@ class _Object(BaseModel):
         T = np.eye(4)
         T[:3, 3] = self.position_m
         if self.rpy_rad is not None:
-            (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy_rad), np.sin(self.rpy_rad)
-            T[:3, :3] = [
-                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                [-sp, cp * sr, cp * cr],
-            ]
+            T[:3, :3] = rotation(self.rpy_rad)
         if self.quaternion_wxyz is not None:
             w, x, y, z = np.array(self.quaternion_wxyz) / np.linalg.norm(self.quaternion_wxyz)
             T[:3, :3] = [
@@ -106,6 +101,18 @@ class _Object(BaseModel):
                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
             ]
         return T
+
+
+def rotation(rpy_rad: Sequence[float]) -> Array:
+    """Return the rotation about the world's x, then y, then z [rad], shape (3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy_rad), np.sin(rpy_rad)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 class Box(_Object):

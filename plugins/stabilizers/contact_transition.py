@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -13,6 +14,7 @@ from imitor.tasks import Task
 from imitor.types import SIDES, Array
 
 Vector = tuple[float, float, float]
+_LOG: Final = logging.getLogger("imitor")
 
 
 class ContactTransitionConfig(Config):
@@ -57,6 +59,17 @@ class ContactTransitionConfig(Config):
         None,
         description="Shift of the robot from the person's place: forward, left, up; none: the smallest from which the "
         "hands reach their grips [m].",
+    )
+    grip_rpy_rad: Vector = Field(
+        (0.0, 0.0, 0.0),
+        description="How the left hand is turned at its grip when a placement is looked for, about world's x, y and z; "
+        "mirrored for the right hand [rad].",
+    )
+    room_m: float = Field(
+        0.015,
+        ge=0,
+        le=0.5,
+        description="How far to each side of the grips hands must reach from a placement: they come and leave [m].",
     )
     search_m: float = Field(
         0.6, ge=0, le=3, description="How far a placement is looked for, fore and aft [m]."
@@ -213,25 +226,27 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         return self._grown.pose("waist")
 
     def _found(self, pelvis: Array) -> Array:
-        """Return the nearest placement from which the grips are in the workspace, hands flat and forward."""
+        """Return the nearest placement from which the grips are in the workspace, all along the travel.
+
+        Raises:
+            ImitorError: There is none within reach.
+        """
         if self.grips is None or not self._hands:
             return np.zeros(3)
         from imitor.contact.placement import REACHED, Workspace
         from imitor.errors import ImitorError
 
-        poses = []
-        for place in self.grips.places():
-            both = np.tile(pelvis, (2, 1, 1))
-            both[:, :3, 3] = place
-            poses.append([both[i] for i, _ in self._hands])
         c = self.config
+        poses = self.grips.poses(c.grip_rpy_rad, c.room_m)
         shift, miss = Workspace(self.robot).nearest_placement(pelvis, poses, c.search_m, c.rise_m)
-        if miss > 10 * REACHED:
+        told = [round(float(x), 3) for x in shift]
+        if miss > REACHED:
             raise ImitorError(
-                f"'{c.object}' is out of the robot's workspace from every placement within {c.search_m} m: at best, "
-                f"{shift.round(2).tolist()}, a hand misses by {miss:.3f} m or rad; raise search_m or rise_m, move the "
-                "object, or give placement_m"
+                f"'{c.object}' is out of the robot's workspace from every placement up to {c.search_m} m fore and aft "
+                f"and {c.rise_m} m up: at best, {told}, a hand misses by {miss:.3f} m or rad; raise search_m or "
+                "rise_m, lower room_m, move the object, or give placement_m"
             )
+        _LOG.info("contact_transition: '%s' is in the workspace from placement_m: %s", c.object, told)
         return shift
 
 

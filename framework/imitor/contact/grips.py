@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from imitor.environment import Slide
+from imitor.environment import Slide, rotation
 from imitor.errors import ImitorError, did_you_mean
 from imitor.types import SIDES, Array
+
+_MIRROR: Final = np.array([[1.0, -1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])
+"""What the elements of a rotation are multiplied with when left and right change places."""
 
 
 class Grips:
@@ -73,9 +76,25 @@ class Grips:
         nearest = self.closed[side] + self.moved(hand, side) * self.travel
         return float(np.linalg.norm(hand - nearest))
 
-    def places(self, n: int = 3) -> list[Array]:
-        """Return both grips at ``n`` places of the travel, each shape (2, 3) [m]."""
-        return [self.closed + share * self.travel for share in np.linspace(0.0, 1.0, n)]
+    def poses(self, rpy_rad: Sequence[float], room_m: float) -> list[Array]:
+        """Return poses of both hands that span the contact, each shape (2, 4, 4), one after the other near the last.
+
+        At the ends of the travel hands also go a little to each side, for they come to the grip and leave it.
+
+        Args:
+            rpy_rad: How the left hand is turned at its grip, about world's x, y, z; mirrored for the right one [rad].
+            room_m: How far to each side [m].
+        """
+        turn = rotation(rpy_rad)
+        sides = room_m * np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+        out = []
+        for share, aside in ((0.0, sides), (0.5, sides[:1]), (1.0, sides)):
+            for off in aside:
+                both = np.tile(np.eye(4), (2, 1, 1))
+                both[0, :3, :3], both[1, :3, :3] = turn, _MIRROR * turn
+                both[:, :3, 3] = self.closed + share * self.travel + [off, off * (1.0, -1.0, 1.0)]
+                out.append(both)
+        return out
 
 
 def _travel(name: str, slide: Slide | None, given: Sequence[float] | None) -> Array:
