@@ -207,7 +207,11 @@ class Reference:
                 data["compute_s"],
                 float(data["human_height_m"]),
                 float(data["human_ankle_height_m"]),
-                *([data[n] for n in _OBJECTS] if _OBJECTS[0] in data else ()),
+                *(
+                    [data[_OBJECTS[0]].tolist(), *(data[n] for n in _OBJECTS[1:])]
+                    if _OBJECTS[0] in data
+                    else ()
+                ),
             )
         except KeyError as error:
             raise SourceError(path, f"the array {error} is missing") from None
