@@ -1,10 +1,14 @@
-"""A simulated robot: the finished motion is executed in physics, and the verdict says whether it stays up."""
+"""A simulated robot: the finished motion is executed in physics, and the verdict says whether it stays up.
+
+Hands that the motion declares to hold an object are welded to it while they do.
+"""
 
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, field_validator
 
@@ -18,9 +22,25 @@ if TYPE_CHECKING:
 log = logging.getLogger("imitor")
 
 
+_STANDING = frozenset({"", "left_foot", "right_foot"})
+"""Anchors of a robot that is not held: none, or a foot that stands."""
+
+
 class MujocoConfig(PhysicsConfig):
     """The servos, the floor, what counts as a fall, and which files are written."""
 
+    base: Literal["auto", "free", "held"] = Field(
+        "auto",
+        description="Whether the base is free or held where the motion has it, as on a stand; auto: held where the "
+        "tasks' anchor is no foot [-].",
+    )
+    grasp: bool = Field(
+        True,
+        description="Whether hands are welded to objects while the motion declares that they hold them [-].",
+    )
+    grasp_reach_m: float = Field(
+        0.03, gt=0, le=0.5, description="How near an object's surface a hand must be to take hold of it [m]."
+    )
     settle_s: float = Field(
         1.0, ge=0, le=60, description="How long the first command is held before the motion plays [s]."
     )
@@ -63,12 +83,14 @@ class Mujoco(RecordedSink[MujocoConfig]):
             from imitor.visual.offscreen import check_rendering
 
             check_rendering()
-        self._body = build_body(self.config, run)
+        self._body = build_body(self.config, run, held=self.config.base == "held")
 
     def save(self) -> SinkReport:
         """Simulate, measure, and write what is asked for."""
         from imitor.simulation.verdict import figures
 
+        if self.config.base == "auto" and self.run.stack.anchor not in _STANDING:
+            self._body = build_body(self.config, self.run, held=True)
         trace = self.trace = self._play()
         verdict = figures(trace, self._body)
         if trace.fall is None:
@@ -88,6 +110,7 @@ class Mujoco(RecordedSink[MujocoConfig]):
                 self._body, self.recorder.motion(), settle_s=c.settle_s,
                 rule=FallRule(c.fall_tilt_rad, c.fall_drop_share),
                 velocity_reference=c.velocity_reference, observer=window,
+                reference=self.recorder.reference(), reach_m=c.grasp_reach_m if c.grasp else 0.0,
             )  # fmt: skip
         finally:
             if window is not None:
@@ -109,8 +132,9 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
         robot, folder = self.run.robot, self.run.out_dir
         motion = executed_motion(trace, robot, standing_feet(trace, self._body.weight_n))
+        reference = replace(self.recorder.reference(), object_shift_m=trace.object_shift)
         film = Film(
-            robot, motion, self.recorder.reference(), self.config.size_px, self.config.fps, self.run.environment
+            robot, motion, reference, self.config.size_px, self.config.fps, self.run.environment
         )  # fmt: skip
         gif, sheet = folder / "simulation.gif", folder / "simulation.png"
         try:

@@ -95,6 +95,7 @@ class Correction:
     def apply(self, stack: TaskStack, state: Configuration) -> None:
         """Change ``state.q`` in place, and leave the robot updated at it."""
         q, sent, robot = state.q, state.sent, self._robot
+        self.separation.distances.move_objects(stack.object_shift)
         if sent is not None and np.array_equal(q, sent):
             return  # the last command again: it was corrected then
         first = self._offset is None

@@ -55,8 +55,13 @@ class PhysicsConfig(Config):
     )  # fmt: skip
 
 
-def build_body(config: PhysicsConfig, run: RunInfo) -> Body:
+def build_body(config: PhysicsConfig, run: RunInfo, *, held: bool = False) -> Body:
     """Return the robot of a run in MuJoCo.
+
+    Args:
+        config: The physics.
+        run: The run.
+        held: Whether the base is held where the motion has it, as on a stand.
 
     Raises:
         RobotError: The robot cannot be simulated so.
@@ -73,7 +78,7 @@ def build_body(config: PhysicsConfig, run: RunInfo) -> Body:
         step_s=c.step_s, friction=c.friction, armature_per_effort=c.armature_per_effort, touch=c.touch
     )
     try:
-        return Body(run.robot, drives, around, visible=run.view, environment=run.environment)
+        return Body(run.robot, drives, around, visible=run.view, environment=run.environment, held=held)
     except ValueError as error:
         raise SinkError(str(error)) from None
 
