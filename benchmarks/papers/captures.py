@@ -2,8 +2,8 @@
 
     python benchmarks/papers/captures.py [--preset P]... [--captures DIR] [--frames N] [--docs DIR] [FILE ...]
 
-Runs each C3D, TRC, AMC and ART file as ``imitor run PRESET --input FILE`` does, and writes a table into the page of each
-preset; with files or options of your own it prints the tables and writes nothing unless --docs names a folder.
+Runs each C3D, TRC, AMC and ART file as ``imitor run PRESET --input FILE`` does, and writes a table into the page of
+each preset; with files or options of your own it prints the tables and writes nothing unless --docs names a folder.
 """
 
 from __future__ import annotations
