@@ -146,9 +146,15 @@ class Correction:
             trial.q[7:] = joints
             self._guard.apply(stack, trial)
             q[:] = trial.q
-            q[7:] -= wish
-            self._robot.update(q)
+            self._take_back(stack, q, wish)
         return low, high
+
+    def _take_back(self, stack: TaskStack, q: Array, wish: Array) -> None:
+        """Take a correction out of a pose that has it; the anchor, which bent legs would move, keeps its place."""
+        q[7:] -= wish
+        self._robot.update(q)
+        if stack.anchor:
+            self._robot.place(q, stack.anchor, stack.anchor_pose)
 
     def _bend(
         self, stack: TaskStack, q: Array, asked: Array, wish: Array, box: tuple[Array, Array], depth: float
@@ -197,10 +203,7 @@ class Correction:
         free = np.ones(robot.n, dtype=bool) if bent else self._feet.free(stack)
         for share in _SHARES:
             q[:] = robot.interpolate(sent, asked, share)
-            robot.update(q)
-            if stack.anchor:
-                robot.place(q, stack.anchor, stack.anchor_pose)
-            q[7:] -= wish
+            self._take_back(stack, q, wish)
             step = self._robot.speed * self._settings.dt_s
             given = q[7:]
             low = np.maximum(robot.lower, sent[7:] - step) - given
