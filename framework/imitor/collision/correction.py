@@ -147,9 +147,15 @@ class Correction:
             trial.q[7:] = joints
             self._guard.apply(stack, trial)
             q[:] = trial.q
-            q[7:] -= wish
-            self._robot.update(q)
+            self._without(stack, q, wish)
         return low, high
+
+    def _without(self, stack: TaskStack, q: Array, wish: Array) -> None:
+        """Take a change of the joints back, (n,) [rad], of standing legs too: the anchor keeps its place."""
+        q[7:] -= wish
+        self._robot.update(q)
+        if stack.anchor:
+            self._robot.place(q, stack.anchor, stack.anchor_pose)
 
     def _bend(
         self, stack: TaskStack, q: Array, asked: Array, wish: Array, box: tuple[Array, Array], depth: float
@@ -198,10 +204,7 @@ class Correction:
         free = np.ones(robot.n, dtype=bool) if bent else self._feet.free(stack)
         for share in _SHARES:
             q[:] = robot.interpolate(sent, asked, share)
-            robot.update(q)
-            if stack.anchor:
-                robot.place(q, stack.anchor, stack.anchor_pose)
-            q[7:] -= wish
+            self._without(stack, q, wish)
             step = self._robot.speed * self._settings.dt_s
             given = q[7:]
             low = np.maximum(robot.lower, sent[7:] - step) - given
