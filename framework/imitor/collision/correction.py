@@ -106,6 +106,8 @@ class Correction:
         before = np.where(free, np.zeros(robot.n) if self._offset is None else self._offset, 0.0)
         wish = self._fade * before
         wish[np.abs(wish) < _GONE_RAD] = 0.0
+        # at the end of a joint's range there is no room for it: no reason to slow the whole pose down
+        wish = np.clip(wish, np.minimum(robot.lower - q[7:], 0.0), np.maximum(robot.upper - q[7:], 0.0))
         low, high = robot.lower, robot.upper
         if self._guard is not None and sent is not None:
             low, high = self._slowed(stack, q, wish, sent)
