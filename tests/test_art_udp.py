@@ -236,11 +236,31 @@ def test_nobody_there() -> None:
     with pytest.raises(ImitorError) as caught:
         learned(nobody)
     assert str(caught.value) == (
-        "no rigid body seen in the first 3 s, nor a human model 0; put the ids of the bodies into the option targets, "
-        "or learn from a longer time with learn_s"
+        "no rigid body seen in the first 3 s, nor a human model 0; let the sender tell 6d or 6dj, or set learn_s higher"
     )
     with pytest.raises(ImitorError, match=r"^pelvis, left_hip, .*: not seen in the first 3 s; a body needs"):
         learned(nobody, body="human")
+
+
+def test_targets_that_are_never_seen_are_named() -> None:
+    _, samples = samples_of("squat", targets=True, rate_hz=10.0)
+    for s in samples:
+        s.body.target[BODY_17.index("left_shin")] = np.nan
+    with pytest.raises(ImitorError) as caught:
+        learned(samples, 10.0)
+    assert str(caught.value) == (
+        "left_shin: not seen in the first 3 s, put the ids of their bodies into the option targets, "
+        "or set learn_s higher"
+    )
+
+
+def test_a_few_seconds_of_motion_show_the_joints() -> None:
+    performer, samples = samples_of("squat", targets=True)
+    source = learned(samples[:180])
+    found = np.array([source.human(s, 0.0).position for s in samples])
+    error = np.linalg.norm(found - performer.truth.position, axis=-1)
+    assert np.nanmedian(error) < 0.03
+    assert np.nanmax(error) < 0.08
 
 
 def test_tables_are_checked() -> None:

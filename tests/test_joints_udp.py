@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,10 @@ def decoder(**options: Any) -> JointsDecoder:
 
 
 def test_the_example_of_the_page() -> None:
+    page = Path(__file__).resolve().parents[1] / "docs" / "sources" / "joints_udp.md"
+    shown = page.read_text().split("```json\n")[1].split("```")[0]
+    assert json.loads(shown)["joints"].items() <= json.loads(EXAMPLE)["joints"].items()
+    assert decoder().decode(shown.encode()).counter == 7
     sample = decoder().decode(EXAMPLE)
     assert (sample.counter, sample.time_s) == (7, 0.25)
     position, orientation = sample.body.position, known(sample.body.orientation)

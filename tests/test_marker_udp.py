@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import struct
 import zlib
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +40,13 @@ from known import known
 from live_people import decode_all, heard
 
 NAMES = ("LASI", "RASI")
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "sources" / "marker_udp.md"
+
+
+@pytest.fixture
+def shown() -> str:
+    """The code on the page."""
+    return PAGE.read_text().split("```python\n")[1].split("```")[0]
 
 
 def frame(position: Array, time_s: float = 0.0) -> HumanFrame:
@@ -113,6 +122,21 @@ def test_positions_count_with_the_labels_that_they_were_sent_for() -> None:
     assert decoder.decode(theirs[1][0]) is None
     assert known(decode_all(decoder, theirs[0])[0]).body.labels == ("RASI", "LASI", "C7")
     assert decoder.decode(ours[1][0]) is None
+
+
+def test_the_sender_of_the_page_sends(shown: str) -> None:
+    frames = [[(0.1, 0.2, 0.3), (i, float("nan"), 0.0)] for i in range(3)]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(5.0)
+        assert shown.count("9770") == 1
+        code = {"names": NAMES, "frames": frames}
+        exec(shown.replace("9770", str(sock.getsockname()[1])), code)
+        code["sock"].close()  # type: ignore[attr-defined]
+        told = [sock.recv(2000) for _ in range(4)]
+    samples = decode_all(MarkerDecoder(), told)
+    assert [s.counter for s in samples] == [0, 1, 2]
+    np.testing.assert_allclose(samples[2].body.position, [[0.1, 0.2, 0.3], [np.nan] * 3], atol=1e-7)
 
 
 # ---------------------------------------------------------------- what is wrong

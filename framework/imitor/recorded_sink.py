@@ -40,6 +40,11 @@ class RecordedSink(Sink[C]):
         """Write the files, unless there was no frame."""
         return self.save() if len(self.recorder) else SinkReport()
 
+    def close(self) -> None:
+        """Give back what the frames were kept in."""
+        if hasattr(self, "recorder"):
+            self.recorder.close()
+
     def save(self) -> SinkReport:
         """Write the recorded frames."""
         raise NotImplementedError

@@ -182,11 +182,14 @@ class ArtUdp(LiveSource[ArtUdpConfig]):
         names = [name for name in c.targets if name]
         never = [n for i, n in enumerate(names) if not np.isfinite(pose[:, i]).all(axis=(1, 2)).any()]
         if never:
-            what = "no rigid body" if len(never) == len(names) else f"{', '.join(never)}:"
-            raise ImitorError(
-                f"{what} seen in the first {c.learn_s:g} s, nor a human model {c.person}; put the ids of the bodies "
-                "into the option targets, or learn from a longer time with learn_s"
-            )
+            if len(never) == len(names):
+                what, remedy = "no rigid body", f"nor a human model {c.person}; let the sender tell 6d or 6dj"
+            else:
+                what, remedy = (
+                    f"{', '.join(never)}: not",
+                    "put the ids of their bodies into the option targets",
+                )
+            raise ImitorError(f"{what} seen in the first {c.learn_s:g} s, {remedy}, or set learn_s higher")
         options = TargetOptions(
             rate_hz=self.rate_hz,
             up=c.up,

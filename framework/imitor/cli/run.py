@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from imitor.cli import common
 from imitor.cli.progress import Progress
@@ -19,6 +19,9 @@ from imitor.errors import ImitorError
 from imitor.kinds import Source
 from imitor.registry import Registry
 from imitor.spec import PipelineSpec
+
+if TYPE_CHECKING:
+    from imitor.run import RunResult
 
 SIMULATOR: Final = "mujoco"
 VIEWER: Final = "rerun"
@@ -58,6 +61,50 @@ def execute(args: argparse.Namespace) -> int:
     if not args.quiet:
         for message in spec.dropped:
             print(message, file=sys.stderr)
+    live = _is_live(spec, registry)
+    result = _run_live(spec, registry, args) if live else _run_recorded(spec, registry, args)
+    _report(result, quiet=args.quiet)
+    return _EXIT[result.status]
+
+
+def _is_live(spec: PipelineSpec, registry: Registry) -> bool:
+    source = registry.get("source", spec.source.name)
+    return issubclass(source, Source) and source.live
+
+
+def _run_live(spec: PipelineSpec, registry: Registry, args: argparse.Namespace) -> RunResult:
+    from imitor.cli.live_status import LiveStatus
+    from imitor.live.operator import Operator
+    from imitor.live.run import LiveRun
+    from imitor.pipeline import Pipeline
+    from imitor.run import run
+
+    if not args.quiet:
+        config = spec.source.config
+        print(f"waiting for a sender at {config.host}:{config.port or 'a free port'}", file=sys.stderr)  # type: ignore[attr-defined]
+    operator = Operator()
+    with operator.keys() as keys, LiveStatus(quiet=args.quiet) as status:
+
+        def started(pipeline: Pipeline) -> None:
+            if not args.quiet:
+                print("\n".join(pipeline.skeleton.notes), file=sys.stderr)
+
+        def observe(live: LiveRun) -> None:
+            status.watch(live, keys=keys)
+
+        return run(
+            spec,
+            registry,
+            out_dir=args.out,
+            max_frames=args.frames,
+            view=args.view,
+            started=started,
+            operator=operator,
+            observe=observe,
+        )
+
+
+def _run_recorded(spec: PipelineSpec, registry: Registry, args: argparse.Namespace) -> RunResult:
     from imitor.pipeline import Pipeline
     from imitor.run import run
 
@@ -68,7 +115,7 @@ def execute(args: argparse.Namespace) -> int:
             for note in pipeline.skeleton.notes:
                 progress.say(note)
 
-        result = run(
+        return run(
             spec,
             registry,
             out_dir=args.out,
@@ -77,8 +124,6 @@ def execute(args: argparse.Namespace) -> int:
             progress=progress,
             started=started,
         )
-    _report(result, quiet=args.quiet)
-    return _EXIT[result.status]
 
 
 def _load(args: argparse.Namespace, registry: Registry) -> PipelineSpec:

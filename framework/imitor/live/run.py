@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from imitor.errors import SinkError, told
 from imitor.kinds import Sink, Tick
 from imitor.live.operator import Operator
@@ -33,10 +35,17 @@ from imitor.live.source import LiveSource
 from imitor.live.statistics import Durations
 from imitor.live.viewer import Viewers
 from imitor.pipeline import Pipeline
+from imitor.robot.model import BASE_NQ
 from imitor.safety.tracking import Request
+from imitor.types import Array
 
-REST_S: Final = 0.5
-"""At the end the robot is held for so long, so that it comes to rest [s]."""
+REST_S: Final = 0.3
+MOST_REST_S: Final = 3.0
+"""At the end the robot is held for at least and at most so long, until it is at rest [s]."""
+AT_REST_RAD_S: Final = 0.05
+"""A robot whose joints are all slower is at rest [rad/s]."""
+FIRST_S: Final = 2.0
+"""How long the first step waits for a person at most [s]."""
 _SWITCH_S: Final = 0.0005
 """How long one thread may keep the others waiting [s]."""
 
@@ -128,23 +137,19 @@ class LiveRun:
 
     def _steps(self, max_frames: int | None, done: Callable[[int], None]) -> None:
         start = time.perf_counter()
-        steps = Steps(self.pipeline.rate_hz, start)
-        rest: int | None = None
-        while True:
-            operator, finished = self.operator, self.report.steps
-            if rest is None and (operator.quits or (max_frames is not None and finished >= max_frames)):
-                rest = math.ceil(REST_S * self.pipeline.rate_hz)
-                request = Request.PAUSE
-            else:
-                request = operator.take() if rest is None else Request.NONE
-            if rest == 0:
-                return
-            rest = None if rest is None else rest - 1
+        steps, rest = Steps(self.pipeline.rate_hz, start), _Rest(self.pipeline)
+        while not rest.over:
             arrival = self._next(steps)
             begin = time.perf_counter()
             time_s = begin - start
-            frame = None if arrival is None else self.source.human(arrival.sample, time_s)
+            request = Request.NONE
+            if rest.began_s is None:
+                request = self.operator.take()
+                if self.operator.quits or (max_frames is not None and self.report.steps >= max_frames):
+                    request = rest.begin(time_s)
+            frame = None if arrival is None else self.source.person(arrival, time_s)
             self._step(Tick(time_s, frame, str(request)), arrival, begin)
+            rest.step(time_s)
             done(self.report.steps)
 
     def _next(self, steps: Steps) -> Arrival | None:
@@ -156,7 +161,8 @@ class LiveRun:
         arrival = self.source.take()
         waiting = arrival is not None
         if arrival is None:
-            arrival = self.source.take(max(steps.patience_s - clock(), 0.0))
+            first = self.report.steps == 0  # the robot begins where the person is
+            arrival = self.source.take(FIRST_S if first else max(steps.patience_s - clock(), 0.0))
         steps.begun(clock(), waiting)
         return arrival
 
@@ -214,6 +220,28 @@ class LiveRun:
         if self.viewers is not None:
             out["viewers"] = self.viewers.figures()
         return out
+
+
+class _Rest:
+    """The end of a run: the person pauses until the robot is at rest."""
+
+    def __init__(self, pipeline: Pipeline) -> None:
+        self._pipeline, self._most = pipeline, AT_REST_RAD_S / pipeline.rate_hz
+        self._q: Array | None = None
+        self.began_s: float | None = None
+        self.over = False
+
+    def begin(self, time_s: float) -> Request:
+        self.began_s = time_s
+        return Request.PAUSE
+
+    def step(self, time_s: float) -> None:
+        if self.began_s is None:
+            return
+        joints, before = self._pipeline.state.q[BASE_NQ:].copy(), self._q
+        still = before is not None and bool(np.abs(joints - before).max() <= self._most)
+        self._q, rested_s = joints, time_s - self.began_s
+        self.over = rested_s > MOST_REST_S or (rested_s > REST_S and still)
 
 
 __all__ = ["REST_S", "LiveReport", "LiveRun"]
