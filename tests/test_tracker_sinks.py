@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import logging
+import signal
 import socket
 import struct
+import subprocess
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,7 +21,7 @@ import pytest
 from imitor.commands.command import Command
 from imitor.commands.g1 import BREADTH_FIRST, DEPTH_FIRST
 from imitor.commands.twist2 import roll_pitch
-from imitor.commands.udp_json import LARGEST, Encoder, decode, names_hash
+from imitor.commands.udp_json import LARGEST, Encoder, Received, decode, names_hash
 from imitor.errors import SinkError
 from imitor.plugins.robots.sonic_zmq import SonicZmq
 from imitor.plugins.robots.twist2_redis import Twist2Redis
@@ -101,6 +105,32 @@ def test_datagrams_carry_the_commands(tmp_path: Path, listener: socket.socket) -
     assert [c.t_s for c in commands] == sorted(c.t_s for c in commands)
     assert commands[3].seq == 3 and commands[3].position == commands[2].position  # the end, at rest
     assert (report["commands"], report["sent"], report["unheard"]) == (3, 3, 0)
+
+
+def test_ctrl_c_leaves_the_robot_where_it_is(tmp_path: Path, listener: socket.socket) -> None:
+    listener.settimeout(60.0)
+    command = (
+        f"run retarget --sink udp_json --set udp_json.port={listener.getsockname()[1]} --arm --quiet --out"
+    )
+    commands: list[Received] = []
+
+    def hear() -> None:
+        if b"imitor-joints" not in (datagram := listener.recv(2048)):
+            commands.append(decode(datagram))
+
+    with subprocess.Popen([sys.executable, "-m", "imitor.cli", *command.split(), str(tmp_path)]) as running:
+        while not commands or commands[-1].status != "ok":  # on the way to the first command it is held
+            hear()
+        running.send_signal(signal.SIGINT)
+        assert running.wait(60.0) == 130
+    listener.setblocking(False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            hear()
+    assert [c.seq for c in commands] == sorted({c.seq for c in commands})
+    step = np.abs(np.subtract(commands[-1].position, commands[-2].position)).max()
+    assert step < 1e-3  # the same again; one more step if it came between thinking and sending
+    assert json.loads((tmp_path / "metrics.json").read_text())["status"] == "interrupted"
 
 
 def test_unarmed_no_datagram_leaves(tmp_path: Path, listener: socket.socket) -> None:

@@ -68,8 +68,9 @@ class Twist2Redis(BlindRobotSink[Twist2RedisConfig]):
         try:
             self._store.ping()
         except redis.RedisError as error:
+            why = str(error).rstrip(".")
             raise SinkError(
-                f"no Redis store answers at {c.host}:{c.port}: {error}; start one, or set `host` and `port`"
+                f"no Redis store answers at {c.host}:{c.port}: {why}; start one, or set `host` and `port`"
             ) from None
 
     def send(self, command: Command) -> None:

@@ -216,6 +216,8 @@ class RobotSink(Sink[C]):
         self._tell(q, record, status)
 
     def _tell(self, q: Array, record: Record, status: int) -> None:
+        if self._pace is not None:
+            self._pace.wait()
         c = self.command
         told = q.copy()
         told[N_BASE:] = self._approach.step(np.clip(q[N_BASE:], self._lower, self._upper))
@@ -224,8 +226,6 @@ class RobotSink(Sink[C]):
         c.q, c.status, c.time_s = told, status, record.time_s
         c.contact[:] = record.state.contact
         c.index += 1
-        if self._pace is not None:
-            self._pace.wait()
         if self.armed:
             self._send(c)
 

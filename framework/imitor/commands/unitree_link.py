@@ -174,7 +174,7 @@ def _why(error: Any, interface: str, domain: int) -> str:
 
 
 def _configuration(interface: str) -> str:
-    inside = (_LOOPBACK if interface == "lo" else _NETWORK).format(interface)
+    inside = (_LOOPBACK if interface in ("lo", "lo0") else _NETWORK).format(interface)
     return f"<CycloneDDS><Domain>{inside}</Domain></CycloneDDS>"
 
 
