@@ -30,7 +30,7 @@ class Kept(Sink[Config]):
     told: list[Kept] = []  # noqa: RUF012 - instances are made by the runner; tests look here
 
     def open(self, run: RunInfo) -> None:
-        self.robot = run.robot
+        self.robot, self.rate_hz = run.robot, run.rate_hz
         self.q: list[Array] = []
         self.time_s: list[float] = []
         self.status: list[int] = []

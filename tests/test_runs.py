@@ -20,6 +20,7 @@ from imitor import (
     Filter,
     HumanFrame,
     Record,
+    RunInfo,
     Sink,
     SinkReport,
     Solver,
@@ -525,6 +526,40 @@ def test_the_whole_recording_is_refused_live(registry: Registry) -> None:
 
 
 # ---------------------------------------------------------------- folders
+
+
+class Connected(Sink[Config]):
+    """Says when it is let go."""
+
+    name = "connected"
+    closed: ClassVar[int] = 0
+
+    def write(self, record: Record) -> None:
+        raise AssertionError("nothing is run")
+
+    def close(self) -> None:
+        Connected.closed += 1
+
+
+class Unreachable(Connected):
+    """Cannot be opened."""
+
+    name = "unreachable"
+
+    def open(self, run: RunInfo) -> None:
+        raise SinkError("nobody there")
+
+
+def test_where_one_sink_cannot_be_opened_the_others_are_closed(
+    registry: Registry, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Connected, "closed", 0)
+    for sink in (Connected, Unreachable):
+        registry.add(sink, "tests")
+    with pytest.raises(ImitorError, match=r"^sinks\[2\] unreachable: nobody there$"):
+        done(registry, tmp_path / "run", sinks=("connected", "unreachable"))
+    assert Connected.closed == 1
+    assert not (tmp_path / "run" / "out").exists()
 
 
 def test_a_folder_that_cannot_be_written_is_told_before_anything_runs(

@@ -309,7 +309,7 @@ class RunInfo:
         out_dir: The run directory.
         robot: The robot model; a sink may read it at ``record.state.q`` but not during the frame loop of others.
         skeleton: Constant facts about the human.
-        rate_hz: Output rate [Hz].
+        rate_hz: Output rate [Hz]: how often this sink is written to, live a robot oftener than a file.
         stack: The tasks (names, kinds, views of the targets).
         n_frames: Expected number of frames, when known.
         environment: Objects around the robot.

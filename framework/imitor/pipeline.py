@@ -60,7 +60,7 @@ class Pipeline:
         stack: The tasks.
         guard: What every command passes.
         tracking: Where the tracking of the person stands.
-        rate_hz: Output rate [Hz].
+        rate_hz: How often a configuration is computed [Hz].
         n_frames: Number of commands, when known.
     """
 
@@ -115,6 +115,11 @@ class Pipeline:
         if asked is None:
             return source.rate_hz
         return min(asked, source.rate_hz) if source.live or source.ticks() is not None else asked
+
+    @property
+    def output_hz(self) -> float:
+        """How often a live run sends commands to robots [Hz]: also between two configurations."""
+        return max(self.spec.rate_hz or self.rate_hz, self.rate_hz)
 
     def _build(self) -> None:
         for where, component in self.stages:

@@ -218,8 +218,12 @@ def _open_sinks(
         try:
             sink.start()
             apart = info.live and (sink.realtime or sink.newest)  # they look at the robot from another thread
-            sink.open(replace(info, robot=pipeline.robot.twin()) if apart else info)
+            rate_hz = pipeline.output_hz if info.live and sink.realtime else info.rate_hz
+            sink.open(replace(info, robot=pipeline.robot.twin(), rate_hz=rate_hz) if apart else info)
         except Exception as error:  # nothing was run yet: what is wrong with a sink is wrong with the input
+            for _, opened in sinks[: sinks.index((where, sink))]:  # a robot is connected by now
+                with contextlib.suppress(Exception):
+                    opened.close()
             raise ImitorError(f"{where}: {told(error)}") from error
     return sinks
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 SIMULATOR: Final = "mujoco"
 VIEWER: Final = "rerun"
+_WINDOWS: Final = (SIMULATOR, "mujoco_live", VIEWER)
 _EXIT: Final = {"done": 0, "failed": 1, "stopped": 1, "interrupted": 130}
 
 
@@ -132,7 +133,7 @@ def _load(args: argparse.Namespace, registry: Registry) -> PipelineSpec:
     if args.simulate:
         sinks.append(_required_sink("--simulate", "robot sink", SIMULATOR, registry))
     spec = common.load(args.pipeline, args, registry, add_sinks=sinks)
-    if args.view and not any(s.name in (SIMULATOR, VIEWER) for s in spec.sinks):
+    if args.view and not any(s.name in _WINDOWS for s in spec.sinks):
         sinks.append(_required_sink("--view", "sink", VIEWER, registry))
     sets = []
     if args.arm:

@@ -96,12 +96,13 @@ class LiveRun:
         self.pipeline, self.source, self.operator = pipeline, source, operator
         self._write = write
         self._every = [s for s in sinks if not (s[1].realtime or s[1].newest)]
-        output_hz = max(pipeline.spec.rate_hz or pipeline.rate_hz, pipeline.rate_hz)
         commands = [s for s in sinks if s[1].realtime]
         shown = [s for s in sinks if s[1].newest]
         robot = pipeline.robot.twin()
         self.output = (
-            Output(robot, pipeline.stack, commands, output_hz, pipeline.rate_hz) if commands else None
+            Output(robot, pipeline.stack, commands, pipeline.output_hz, pipeline.rate_hz)
+            if commands
+            else None
         )
         self.viewers = Viewers(pipeline.stack, shown) if shown else None
         self.recorder = ReceivedRecorder(
