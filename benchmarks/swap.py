@@ -4,7 +4,8 @@
 
 Each combination is a preset with parts swapped on the command line (``--use``, ``--set``), so a user can repeat it. It
 runs on the first seconds of three clips: two of the performer and, where there are captures (--captures, or ``mocap``
-in the folder that IMITOR_SHARED names), one of a real person. Writes ``docs/swap.md`` when nothing is left out.
+in the folder that IMITOR_SHARED names), one of a real person; a mapper that needs rigid targets has those of the
+performer alone. Writes ``docs/swap.md`` when nothing is left out.
 """
 
 from __future__ import annotations
@@ -14,7 +15,9 @@ import itertools
 import os
 import shlex
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +41,18 @@ SEGMENTS = (
 WITH_COM = "balance.order=[[left_foot, right_foot, left_sole, right_sole], [com], [waist]]"
 BALANCED = ("posture.null_space={}", "balance.null_space={}")
 STRAIGHT = ("balance.null_space={posture: -0.1}", "balance.damping=0.003", "balance.speed_limits=false")
+MAPPERS = ("segment_scaling", "tpose_offset", "normalized_model", "virtual_marker_fit")
+SCALED = ("segment_scaling", "normalized_model")
+"""Mappers whose feet are given in the world; they declare the same tasks, `normalized_model` some more."""
+WEARING = ("virtual_marker_fit",)
+"""Mappers that need the rigid targets that the performer wears."""
+WORN = ("source.targets=true",)
+HANDS = "solve.order=[[left_hand, right_hand]]"
+"""Of a mapper that leads hands and joints alone."""
+ON_FEET = (
+    "solve.order=[[left_foot, right_foot, left_ankle, right_ankle], [com], [head], [left_sole, right_sole], "
+    "[left_hand, right_hand], [waist, chest]]"
+)
 
 
 @dataclass(frozen=True)
@@ -59,24 +74,31 @@ STABILIZERS = {
     "none": Arrangement(
         "retarget",
         sets={
+            "virtual_marker_fit": (*WORN, HANDS, "solve.weights={}"),
+            **{
+                f"virtual_marker_fit {s}": ("solve.null_space={posture: -0.5}",)
+                for s in ("prioritized", "placo")
+            },
             "tpose_offset": [
                 "solve.order=[[left_foot, right_foot], [left_hand, right_hand], [left_sole, right_sole]]",
                 "solve.weights={}",
-            ]
+            ],
         },
     ),
     "com_offset, foot_retarget": Arrangement(
         "koenemann_2014",
         ("posture", "balance"),
         {
-            "segment_scaling": [
-                f"posture.order=[[left_foot, right_foot, left_ankle, right_ankle], {SEGMENTS}]",
-                "balance.order=[[left_foot, right_foot], [com], [waist]]",
-            ],
+            **{
+                key: [
+                    f"posture.order=[[left_foot, right_foot, left_ankle, right_ankle], {SEGMENTS}]",
+                    "balance.order=[[left_foot, right_foot], [com], [waist]]",
+                ]
+                for key in SCALED
+            },
+            "virtual_marker_fit": WORN,
             **dict.fromkeys(("tpose_offset prioritized", "tpose_offset placo"), (WITH_COM, *BALANCED)),
-            **dict.fromkeys(
-                ("segment_scaling prioritized", "segment_scaling placo"), (BALANCED[0], *STRAIGHT)
-            ),
+            **{f"{m} {s}": (BALANCED[0], *STRAIGHT) for m in SCALED for s in ("prioritized", "placo")},
         },
     ),
     "support_transition": Arrangement(
@@ -85,13 +107,24 @@ STABILIZERS = {
             "tpose_offset": [
                 "solve.order=[[com], [left_foot, right_foot, left_sole, right_sole], [waist_height, waist], "
                 "[left_hand, right_hand]]"
-            ]
+            ],
+            "virtual_marker_fit": WORN,
         },
     ),
+    "com_anticipation": Arrangement(
+        "montecillo_2010",
+        sets={
+            **dict.fromkeys(("segment_scaling", "tpose_offset"), (ON_FEET,)),
+            "virtual_marker_fit": WORN,
+        },
+    ),
+    "contact_transition": Arrangement(
+        "tomic_2018",
+        sets=dict.fromkeys(MAPPERS, ("contact.object=null", "contact.placement_m=[0, 0, 0]")),
+    ),
 }
-MAPPERS = ("segment_scaling", "tpose_offset")
 SOLVERS = ("prioritized", "damped_least_squares", "placo")
-ROBOTS = ("nao_v4", "unitree_g1", "romeo", "talos")
+ROBOTS = ("nao_v4", "unitree_g1", "romeo", "talos", "hrp2")
 SCENARIOS = ("step_forward", "slow_dance")
 CAPTURE = "kinect_v2_irds/216_18_6_1_1_stand.csv"
 
@@ -122,6 +155,10 @@ class Combination:
     mapper: str
     stabilizer: str
     solver: str
+
+    def of(self, clips: Sequence[str | Path]) -> list[str | Path]:
+        """Return the clips that have what the mapper needs."""
+        return [c for c in clips if isinstance(c, str) or self.mapper not in WEARING]
 
     def options(self) -> tuple[str, list[str], list[str]]:
         """Return preset, ``--use`` and ``--set``."""
@@ -176,7 +213,7 @@ def outcome(
 ) -> Outcome:
     """Run a combination on all clips."""
     found = Outcome()
-    for clip in clips:
+    for clip in combination.of(clips):
         name = clip if isinstance(clip, str) else clip.name
         try:
             figures = combination.run(registry, robot, clip, seconds)
@@ -202,6 +239,12 @@ def standing_share(figures: Mapping[str, Any]) -> float:
     support = [figures.get(f"com_margin_{s}_support_m", {}) for s in ("single", "double")]
     frames = sum(f.get("frames", 0) for f in support) + figures["flight_frames"]["count"]
     return float(sum(f.get("inside", 0) for f in support) / max(frames, 1))
+
+
+def tried(what: tuple[Combination, str], clips: Sequence[str | Path], seconds: float) -> Outcome:
+    """Run a combination on a robot, in any process."""
+    combination, robot = what
+    return outcome(combination, Registry(entry_points=False), robot, clips, seconds)
 
 
 # ------------------------------------------------------------------ the table
@@ -230,7 +273,9 @@ def page(
         "Mapper, stabilizers, solver and robot are swapped by options alone. Each cell is the least share of frames",
         f"with the CoM over the feet that touch the floor, over the first {seconds:g} s of {names};",
         "no frame is outside joint or speed limits unless it says so. Without a stabilizer nothing holds the CoM. What",
-        "cannot work is refused before anything runs.\n",
+        "cannot work is refused before anything runs. `virtual_marker_fit` needs the rigid targets that the performer",
+        "wears: it runs on the performer's clips alone. `contact_transition` has nothing to hold in these clips: the",
+        "hands go their own ways.\n",
         "| mapper | stabilizers | solver | " + " | ".join(robots) + " |",
         "| --- | --- | --- |" + " --- |" * len(robots),
     ]
@@ -262,15 +307,15 @@ def main() -> None:
     folder = args.captures or Path(os.environ.get("IMITOR_SHARED", "")) / "mocap"
     capture = folder / CAPTURE
     clips: list[str | Path] = [*SCENARIOS, *([capture] if capture.is_file() else [])]
-    registry, robots = Registry(entry_points=False), args.robots or ROBOTS
+    robots = args.robots or ROBOTS
     rows = itertools.product(
         args.mappers or MAPPERS, args.stabilizers or STABILIZERS, args.solvers or SOLVERS
     )
-    results: dict[Combination, dict[str, Outcome]] = {}
-    for row in (Combination(*parts) for parts in rows):
-        results[row] = {}
-        for robot in robots:
-            found = outcome(row, registry, robot, clips, args.seconds)
+    results: dict[Combination, dict[str, Outcome]] = {Combination(*parts): {} for parts in rows}
+    cells = [(row, robot) for row in results for robot in robots]
+    with ProcessPoolExecutor(args.jobs) as pool:
+        found_all = pool.map(partial(tried, clips=clips, seconds=args.seconds), cells)
+        for (row, robot), found in zip(cells, found_all, strict=True):
             results[row][robot] = found
             more = [found.refused] if found.refused else found.faults
             print(" | ".join([row.mapper, row.stabilizer, row.solver, robot, cell(found), *more]), flush=True)
@@ -291,7 +336,8 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--stabilizer", action="append", dest="stabilizers", choices=list(STABILIZERS))
     parser.add_argument("--solver", action="append", dest="solvers", choices=SOLVERS)
     parser.add_argument("--robot", action="append", dest="robots")
-    parser.add_argument("--seconds", type=float, default=5.0, help="length of each run [s]")
+    parser.add_argument("--seconds", type=float, default=3.0, help="length of each run [s]")
+    parser.add_argument("--jobs", type=int, default=1, help="cells that run at the same time")
     parser.add_argument("--captures", type=Path, help="folder of captures")
     parser.add_argument("--docs", type=Path, help="the folder of the documentation to write to")
     return parser.parse_args()

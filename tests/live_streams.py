@@ -1,12 +1,9 @@
-"""What tests of live sources share: recordings to send, what comes out at the other end, and a real socket."""
+"""What tests of live sources share: recordings to send, and what comes out at the other end."""
 
 from __future__ import annotations
 
-import contextlib
 import socket
-import threading
-import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import islice
 from typing import Any
 
@@ -58,49 +55,3 @@ def taken(decoder: Decoder, packets: Sequence[bytes]) -> Receiver:
         receiver.take(packet, at_s=0.001 * i)
     receiver.close()
     return receiver
-
-
-@contextlib.contextmanager
-def listening(
-    live: LiveSource[Any], source: Source[Any], *, rate_hz: float = 100.0
-) -> Iterator[LiveSource[Any]]:
-    """Start a live source at a free port of this machine and send it a recording, over and over."""
-    failed: list[BaseException] = []
-    done = threading.Event()
-
-    def start() -> None:
-        try:
-            live.start()
-        except BaseException as error:  # shown in the test's own thread
-            failed.append(error)
-
-    def send() -> None:
-        encoder = type(live).encoder(source)
-        frames = list(source.frames())
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
-            for i in range(100_000):
-                if done.is_set():
-                    return
-                frame = frames[i % len(frames)]
-                sent = HumanFrame(i / rate_hz, frame.position, frame.valid, frame.orientation, frame.marker)
-                sent.marker_valid = frame.marker_valid
-                for packet in encoder.encode(sent, i):
-                    sock.sendto(packet, ("127.0.0.1", port))
-                time.sleep(1 / rate_hz)
-
-    starting = threading.Thread(target=start)
-    starting.start()
-    while (receiver := live.receiver) is None and not failed:
-        time.sleep(0.001)
-    port = 0 if receiver is None else receiver.port
-    sending = threading.Thread(target=send)
-    sending.start()
-    try:
-        starting.join()
-        if failed:
-            raise failed[0]
-        yield live
-    finally:
-        done.set()
-        sending.join()
-        live.close()

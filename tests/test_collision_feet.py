@@ -106,6 +106,9 @@ def test_a_pose_out_of_reach_is_corrected_where_the_guard_would_send_it(robot: R
         robot.place(state.q, "left_foot", stack.anchor_pose)
         made.step(stack, state)
         corrected = state.q.copy()
+        np.testing.assert_allclose(
+            robot.pose("left_foot"), stack.anchor_pose, atol=1e-9
+        )  # legs bend: it stays
         assert overlap(robot, corrected) == 0.0
         guard.apply(stack, state)
         np.testing.assert_allclose(state.q, corrected, atol=1e-9)  # the guard has nothing left to do

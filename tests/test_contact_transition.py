@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imitor.contact.grips import Grips
 from imitor.contact.local_limits import LocalLimits
-from imitor.errors import ImitorError
+from imitor.contact.placement import REACHED, Workspace
+from imitor.errors import ImitorError, RunError, SpecError
 from imitor.pipeline import Pipeline
 from imitor.plugins.stabilizers.savitzky_golay import weights
 from imitor.registry import Registry
@@ -48,26 +51,110 @@ def test_a_grip_is_near_anywhere_on_its_travel() -> None:
         Grips([{"name": "handle"}], "handel", (0, 0, 0), (0, 0, 0))
 
 
-def test_in_contact_the_hands_are_the_persons_and_nothing_jumps() -> None:
-    spec = load_pipeline("tomic_2018", Registry(entry_points=False))
-    pipeline = Pipeline(spec, Registry(entry_points=False))
+def in_contact(*sets: str, frames: int | None = None) -> tuple[Pipeline, dict[str, np.ndarray]]:
+    """Run the preset; return, frame by frame, what hands of robot and person do, (T, 2, ...), and the joints."""
+    registry = Registry(entry_points=False)
+    pipeline = Pipeline(load_pipeline("tomic_2018", registry, sets=list(sets)), registry)
     stage: Any = {c.name: c for _, c in pipeline.stages}
     person = stage["virtual_marker_fit"].imitation.model.robot
-    off, share, target, joints = [], [], [], []
-    for record in pipeline.records():
-        share.append(stage["contact_transition"].share.copy())
-        roles = [f"{side}_hand" for side in SIDES]
-        off.append([np.linalg.norm(pipeline.robot.position(r) - person.position(r)) for r in roles])
-        target.append([pipeline.stack[r].target[:3, 3].copy() for r in roles])
-        joints.append(record.state.q[7:].copy())
+    names = ("off", "turn", "share", "target", "held", "joints", "contact")
+    rows: dict[str, list[Any]] = {name: [] for name in names}
+    roles = [f"{side}_hand" for side in SIDES]
+    robot = pipeline.robot
+    for record in pipeline.records(frames):
+        rows["share"].append(stage["contact_transition"].share.copy())
+        rows["off"].append([np.linalg.norm(robot.position(r) - person.position(r)) for r in roles])
+        rows["turn"].append(
+            [np.linalg.norm(pin.log3(person.rotation(r).T @ robot.rotation(r))) for r in roles]
+        )
+        rows["target"].append([pipeline.stack[r].target[:3, 3].copy() for r in roles])
+        rows["held"].append(pipeline.stack.held >= 0)
+        rows["joints"].append(record.state.q[7:].copy())
+        rows["contact"].append(record.state.contact.copy())
     pipeline.close()
-    held = (np.array(share) >= 1.0).all(axis=1)
-    assert held.sum() > 400
-    assert np.array(off)[held].max() < 0.002
-    assert np.array(off)[~held].max() > 0.05  # elsewhere the robot has its own size
-    velocity = 100.0 * np.diff(np.array(target), axis=0)
+    return pipeline, {name: np.array(values) for name, values in rows.items()}
+
+
+def test_in_contact_the_hands_are_the_persons_and_nothing_jumps() -> None:
+    pipeline, seen = in_contact()
+    full = (seen["share"] >= 1.0).all(axis=1)
+    assert full.sum() > 400
+    assert seen["off"][full].max() < 0.002
+    assert np.degrees(seen["turn"][full].max()) < 1.0
+    assert seen["off"][~full].max() > 0.05  # elsewhere the robot has its own size
+    assert (seen["held"] <= (seen["share"] >= 1.0)).all()
+    assert 400 < seen["held"].all(axis=1).sum() < full.sum()
+    velocity = 100.0 * np.diff(seen["target"], axis=0)
     assert np.abs(velocity).max() < 1.5
     assert np.abs(np.diff(velocity, axis=0)).max() < 0.08
-    q = np.array(joints)
-    assert (q >= pipeline.robot.lower - 1e-9).all()
-    assert (q <= pipeline.robot.upper + 1e-9).all()
+    assert (seen["joints"] >= pipeline.robot.lower - 1e-9).all()
+    assert (seen["joints"] <= pipeline.robot.upper + 1e-9).all()
+    assert not seen["contact"].any()  # the pelvis is held over the ground
+
+
+# ------------------------------------------------------------------ workspace and placement (T11)
+
+THUMBS_UP = (-1.5708, -0.161, 0.034)
+"""How the performer's left hand is turned at the drawer's handle [rad]."""
+
+
+def test_both_hands_mirror_one_another() -> None:
+    grips = Grips([{"name": "a", "position_m": [0.5, 0.0, 1.0]}], "a", (0.0, 0.2, 0.1), (-0.1, 0.0, 0.0))
+    poses = grips.poses((0.3, -0.2, 0.5), 0.03)
+    mirror = np.diag([1.0, -1.0, 1.0])
+    for left, right in poses:
+        np.testing.assert_allclose(mirror @ left[:3, :3] @ mirror, right[:3, :3], atol=1e-12)
+        np.testing.assert_allclose(mirror @ left[:3, 3], right[:3, 3], atol=1e-12)
+    np.testing.assert_allclose(poses[0][0][:3, :3], pin.rpy.rpyToMatrix(0.3, -0.2, 0.5), atol=1e-12)
+    places = np.array([left[:3, 3] for left, _ in poses])
+    np.testing.assert_allclose(places.min(axis=0), [0.37, 0.17, 1.07], atol=1e-12)
+    np.testing.assert_allclose(places.max(axis=0), [0.53, 0.23, 1.13], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_from_where_the_drawer_is_out_of_reach_a_placement_is_found_that_does_the_task(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """At the person's place ROMEO cannot follow the hands; where the search puts it, it can."""
+    _, seen = in_contact("contact.placement_m=[0, 0, 0]", frames=620)
+    full = (seen["share"] >= 1.0).all(axis=1)
+    assert full.sum() > 50
+    assert seen["off"][full].max() > 0.01
+    caplog.set_level("INFO", logger="imitor")
+    search = ("placement_m=null", f"grip_rpy_rad={list(THUMBS_UP)}", "rise_m=0.1", "search_m=0.2")
+    pipeline, seen = in_contact(*(f"contact.{s}" for s in search), frames=620)
+    stage: Any = {c.name: c for _, c in pipeline.stages}["contact_transition"]
+    shift = stage.placement
+    assert 0.05 < np.linalg.norm(shift) < 0.2
+    told = [round(float(x), 3) for x in shift]
+    assert f"contact_transition: 'handle' is in the workspace from placement_m: {told}" in caplog.messages
+    full = (seen["share"] >= 1.0).all(axis=1)
+    assert full.sum() > 50
+    assert seen["off"][full].max() < 0.002
+    assert np.degrees(seen["turn"][full].max()) < 1.0
+    # the workspace says the same of both places
+    workspace = Workspace(pipeline.robot)
+    poses = stage.grips.poses(THUMBS_UP, stage.config.room_m)
+    found = pipeline.stack.anchor_pose.copy()
+    assert workspace.miss(found, poses) <= REACHED
+    before = found.copy()
+    before[:3, 3] -= found[:3, :3] @ shift
+    assert workspace.miss(before, poses) > REACHED
+
+
+def test_no_placement_is_made_up_where_none_reaches() -> None:
+    sets = ("placement_m=null", "grip_offset_m=[0, 0.18, 1.0]", "search_m=0.05", "rise_m=0.0")
+    with pytest.raises(RunError) as caught:
+        in_contact(*(f"contact.{s}" for s in sets), frames=1)
+    assert re.fullmatch(
+        r".*stages\[1\] contact: 'handle' is out of the robot's workspace from every placement up to 0\.05 m fore and "
+        r"aft and 0\.0 m up: at best, \[.*\], a hand misses by 0\.\d+ m or rad; raise search_m or rise_m, lower "
+        r"room_m, move the object, or give placement_m\. The frames before are kept\.",
+        str(caught.value),
+    ), caught.value
+
+
+def test_a_hand_that_holds_has_the_persons_path() -> None:
+    registry = Registry(entry_points=False)
+    with pytest.raises(SpecError, match="grasp_m should be at most held_m"):
+        load_pipeline("tomic_2018", registry, sets=["contact.grasp_m=0.05"])

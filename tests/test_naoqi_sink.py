@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -48,10 +49,11 @@ def test_a_robot_goes_slowly_to_the_first_command() -> None:
     start = dict(zip(NAO.joint_names, NAO.standing[7:].tolist(), strict=True))
     start["LShoulderPitch"] -= 0.1
     told, ended = played({"angles": start}, n=25, speed_fraction=0.8)
-    assert told[:3] == [
-        ["setIdlePostureEnabled", "Body", False], ["setBreathEnabled", "Body", False], ["getAngles", True]
+    assert told[:4] == [
+        ["setIdlePostureEnabled", "Body", False], ["setBreathEnabled", "Body", False], ["getAngles", True],
+        ["getAngles", True],
     ]  # fmt: skip
-    calls = told[3:]
+    calls = told[4:]
     assert {c[0] for c in calls} == {"setAngles"} and {c[3] for c in calls} == {0.8}
     assert {tuple(c[1]) for c in calls} == {tuple(NAO.joint_names)}  # no hands
     shoulder = np.array([c[2] for c in calls])[:, NAO.joint_index("LShoulderPitch")]
@@ -115,9 +117,21 @@ def test_nobody_at_the_address() -> None:
         capture_output=True, text=True, timeout=PATIENCE_S, check=False, env=environment,
     )  # fmt: skip
     assert json.loads(client.stdout.splitlines()[-1])["error"] == (
-        "nothing answers at 127.0.0.1:1: Connection refused; "
-        "is the robot switched on, and are `host` and `port` its own?"
+        "tcp://127.0.0.1:1: Connect error: 111: Connection refused; "
+        "is the robot switched on and in this network, and are `host` and `port` its own?"
     )
+
+
+def test_what_listens_there_is_no_robot(tmp_path: Path) -> None:
+    """qi itself hangs or crashes here."""
+    with socket.socket() as mute:
+        mute.bind(("127.0.0.1", 0))
+        mute.listen()
+        port = mute.getsockname()[1]
+        with pytest.raises(
+            SinkError, match=rf"^tcp://127.0.0.1:{port}: no answer in 0.2 s; is the robot switched on"
+        ):
+            opened(Naoqi, run_of(tmp_path, NAO), armed=True, port=port, timeout_s=0.2)
 
 
 def test_unarmed_no_robot_is_needed(tmp_path: Path) -> None:

@@ -212,3 +212,12 @@ def test_no_markers_in_the_calibration_is_told() -> None:
         made.calibrate([replace(f, target=None, target_valid=None) for f in frames[:10]])
     with pytest.raises(ImitorError, match="Elbw"):
         MarkerImitation(romeo(), skeleton.target_names, "prismatic", {"LElbw": 1.0}, FULL, analytic_step, 1)
+
+
+@pytest.mark.parametrize("name", ["virtual_marker_fit", "marker_fit"])
+def test_a_robot_that_is_held_at_its_pelvis_stands_on_no_foot(name: str) -> None:
+    made, stack, frames = mapper(name)
+    assert stack.contact.all()  # as of any stack
+    made.step(frames[0], stack)
+    assert stack.anchor == "waist"
+    assert stack.contact.tolist() == [False, False]

@@ -23,7 +23,8 @@ from imitor.live.vmc_body import FROM_UNITY, BoneTree
 from imitor.plugins.sources.vmc_osc import VmcOsc, VmcOscConfig
 from imitor.types import ROLE_INDEX
 from known import known
-from live_streams import datagrams, decoded, listening, performer, received, taken
+from live_people import heard
+from live_streams import datagrams, decoded, performer, received, taken
 
 osc_packet = pytest.importorskip("pythonosc.osc_packet")
 
@@ -382,7 +383,7 @@ def test_a_stream_without_a_body_is_refused() -> None:
 
 
 def test_over_a_socket() -> None:
-    with listening(live(learn_s=0.4), performer()) as source:
+    with heard(VmcOsc, performer(rate_hz=100.0), learn_s=0.4) as source:
         assert source.rate_hz == pytest.approx(100.0, rel=0.1)
         frames = [f for f, _ in zip(source.frames(), range(20), strict=False)]
         assert len(frames) == 20

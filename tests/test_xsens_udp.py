@@ -29,7 +29,8 @@ from imitor.plugins.sources.mvnx import Mvnx, MvnxConfig
 from imitor.plugins.sources.xsens_udp import XsensUdp, XsensUdpConfig
 from imitor.types import ROLE_INDEX, SIDES
 from known import known
-from live_streams import datagrams, decoded, listening, performer, received, taken
+from live_people import heard
+from live_streams import datagrams, decoded, performer, received, taken
 from test_mvnx_source import t_pose
 
 Array = NDArray[np.float64]
@@ -389,14 +390,13 @@ def test_a_recording_without_orientations_cannot_be_sent() -> None:
         gives = frozenset({"markers"})
 
     with pytest.raises(
-        ImitorError, match=r"sends how segments are turned, and this recording .performer. does not"
+        ImitorError, match=r"sends orientations of segments, and this recording .performer. has none"
     ):
         XsensUdp.encoder(Bare(performer("stand").config))
 
 
 def test_over_a_socket() -> None:
-    sent = performer()
-    with listening(live(learn_s=0.3), sent) as source:
+    with heard(XsensUdp, performer(rate_hz=100.0), learn_s=0.3) as source:
         assert source.rate_hz == pytest.approx(100.0, rel=0.05)
         frames = [f for f, _ in zip(source.frames(), range(20), strict=False)]
         assert len(frames) == 20

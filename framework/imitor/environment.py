@@ -1,10 +1,16 @@
-"""Objects around the robot: boxes, cylinders and meshes that stand still in world.
+"""Objects around the robot: boxes, cylinders and meshes, and what of them slides as a drawer does.
 
 ```yaml
 environment:
   - {name: table, shape: box, size_m: [0.6, 1.2, 0.04], position_m: [0.5, 0.0, 0.74]}
   - {name: pole, shape: cylinder, radius_m: 0.04, length_m: 2.0, position_m: [0.2, 0.5, 1.0]}
   - {name: chair, shape: mesh, path: chair.stl, scale: 0.001, rpy_rad: [0.0, 0.0, 1.57]}
+  - name: drawer
+    shape: box
+    size_m: [0.3, 0.5, 0.1]
+    position_m: [0.7, 0.0, 0.7]
+    slide: {axis: [-1.0, 0.0, 0.0], range_m: 0.25, mass_kg: 2.0, friction_n: 3.0}
+  - {name: handle, part_of: drawer, graspable: true, shape: box, size_m: [0.02, 0.3, 0.02], position_m: [0.5, 0.0, 0.7]}
 ```
 """
 
@@ -28,6 +34,31 @@ Point3 = tuple[Coordinate, Coordinate, Coordinate]
 Point4 = tuple[float, float, float, float]
 
 
+class Slide(BaseModel):
+    """How an object can be pulled out along a line, and what resists."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    axis: Point3 = Field(
+        description="Direction in which it opens, in world; its length is of no account [-]."
+    )
+    range_m: Length = Field(description="How far it opens; closed it is where it is written [m].")
+    mass_kg: float = Field(2.0, gt=0, le=1000, description="Mass of all that moves [kg].")
+    friction_n: float = Field(2.0, ge=0, le=1000, description="Force that it takes to move it at all [N].")
+    damping_n_s_m: float = Field(5.0, ge=0, le=10000, description="Resistance by speed [N s/m].")
+
+    @model_validator(mode="after")
+    def _has_a_direction(self) -> Slide:
+        if not any(self.axis):
+            raise ValueError("its axis has no direction; [-1, 0, 0] opens towards a robot that faces x")
+        return self
+
+    def direction(self) -> Array:
+        """Return the unit vector in which it opens, in world, shape (3,)."""
+        axis = np.array(self.axis)
+        return np.asarray(axis / np.linalg.norm(axis))
+
+
 class _Object(BaseModel):
     """What every object has."""
 
@@ -40,6 +71,12 @@ class _Object(BaseModel):
     )
     quaternion_wxyz: Point4 | None = Field(
         None, description="Its rotation, world from object, in place of rpy_rad [-]."
+    )
+    slide: Slide | None = Field(None, description="How it can be pulled out; none: it stands still.")
+    part_of: str | None = Field(None, description="Name of the sliding object that it moves with.")
+    graspable: bool = Field(
+        False,
+        description="Whether hands may touch it; the rest of the robot keeps off as from any other [-].",
     )
 
     @model_validator(mode="after")
@@ -55,12 +92,7 @@ class _Object(BaseModel):
         T = np.eye(4)
         T[:3, 3] = self.position_m
         if self.rpy_rad is not None:
-            (cr, cp, cy), (sr, sp, sy) = np.cos(self.rpy_rad), np.sin(self.rpy_rad)
-            T[:3, :3] = [
-                [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-                [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-                [-sp, cp * sr, cp * cr],
-            ]
+            T[:3, :3] = rotation(self.rpy_rad)
         if self.quaternion_wxyz is not None:
             w, x, y, z = np.array(self.quaternion_wxyz) / np.linalg.norm(self.quaternion_wxyz)
             T[:3, :3] = [
@@ -69,6 +101,18 @@ class _Object(BaseModel):
                 [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
             ]
         return T
+
+
+def rotation(rpy_rad: Sequence[float]) -> Array:
+    """Return the rotation about the world's x, then y, then z [rad], shape (3, 3)."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy_rad), np.sin(rpy_rad)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
 
 
 class Box(_Object):
@@ -107,8 +151,14 @@ def read_environment(environment: Sequence[Mapping[str, Any]]) -> list[Box | Cyl
     return _ALL.validate_python([dict(entry) for entry in environment])
 
 
+def carriers(items: Sequence[Box | Cylinder | Mesh]) -> list[int]:
+    """Return for each object the number of the sliding one it moves with, perhaps itself; -1 if it stands still."""
+    sliding = {item.name: k for k, item in enumerate(items) if item.slide is not None}
+    return [sliding.get(item.name if item.part_of is None else item.part_of, -1) for item in items]
+
+
 def triangles(item: Box | Cylinder | Mesh) -> tuple[Array, Any]:
-    """Return the surface of an object in world: vertices (V, 3) [m] and faces (F, 3).
+    """Return the surface of an object where it is written, in world: vertices (V, 3) [m] and faces (F, 3).
 
     Raises:
         ValueError: A mesh file cannot be read; the message says why.

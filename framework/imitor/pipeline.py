@@ -88,7 +88,7 @@ class Pipeline:
             component = registry.get(stage.kind, stage.name)(stage.config, context)
             self.stages.append((f"{stage.where} {stage.id}", component))
         self.filters = [(w, c) for w, c in self.stages if isinstance(c, Filter)]
-        self.stack = TaskStack(self.robot.n)
+        self.stack = TaskStack(self.robot.n, len(spec.environment))
         self._build()
         self.guard = Guard(self.robot, 1.0 / self.rate_hz)
         self.tracking = Tracking(spec.tracking)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
@@ -17,11 +17,13 @@ from imitor.atomic import atomic
 from imitor.errors import SourceError
 from imitor.kinds import Record, RunInfo
 from imitor.rows import Rows
-from imitor.types import ROLES, Array, BoolArray
+from imitor.types import ROLES, Array, BoolArray, IntArray
 
 SCHEMA: Final = "imitor-motion-1"
 MOTION_FILE: Final = "motion.npz"
 REFERENCE_FILE: Final = "reference.npz"
+_OBJECTS: Final = ("object_names", "object_shift_m", "held_object")
+"""Arrays that runs without objects may lack."""
 
 
 @dataclass
@@ -121,6 +123,9 @@ class Reference:
         compute_s: Time spent on each frame without sinks, shape (T,) [s].
         human_height_m: Stature [m].
         human_ankle_height_m: Height of the ankle joints when standing flat [m].
+        object_names: The K objects around the robot.
+        object_shift_m: How far each was to be moved from where it stood, in world, shape (T, K, 3) [m].
+        held_object: Number of the object that each hand, left and right, was to hold, -1 for none, shape (T, 2).
     """
 
     time_s: Array
@@ -136,6 +141,16 @@ class Reference:
     compute_s: Array
     human_height_m: float
     human_ankle_height_m: float
+    object_names: Sequence[str] = ()
+    object_shift_m: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    held_object: IntArray = field(default_factory=lambda: np.zeros((0, 2), dtype=int))
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        if not len(self.object_shift_m):
+            self.object_shift_m = np.zeros((n, len(self.object_names), 3))
+        if not len(self.held_object):
+            self.held_object = np.full((n, 2), -1)
 
     def role(self, name: str) -> Array:
         """Return the positions of one role, ``mid_hip`` and ``mid_shoulder`` included, shape (T, 3) [m]."""
@@ -159,6 +174,9 @@ class Reference:
                 "compute_s": self.compute_s,
                 "human_height_m": np.array(self.human_height_m),
                 "human_ankle_height_m": np.array(self.human_ankle_height_m),
+                "object_names": np.array(list(self.object_names), dtype="U"),
+                "object_shift_m": self.object_shift_m,
+                "held_object": self.held_object,
                 "task_names": np.array(list(self.target), dtype="U"),
                 "task_kinds": np.array([self.target_kind[n] for n in self.target], dtype="U"),
                 **{f"target/{n}": a for n, a in self.target.items()},
@@ -190,6 +208,11 @@ class Reference:
                 data["compute_s"],
                 float(data["human_height_m"]),
                 float(data["human_ankle_height_m"]),
+                *(
+                    [data[_OBJECTS[0]].tolist(), *(data[n] for n in _OBJECTS[1:])]
+                    if _OBJECTS[0] in data
+                    else ()
+                ),
             )
         except KeyError as error:
             raise SourceError(path, f"the array {error} is missing") from None
@@ -217,6 +240,8 @@ class Recorder:
                 "support": ((2,), flag),
                 "support_known": ((), flag),
                 "com": ((3,), number),
+                "shift": (stack.object_shift.shape, number),
+                "held": ((2,), np.int_),
                 "target": ((stack.flat_target.size,), number),
                 "switch": ((stack.flat_switch.size,), flag),
             },
@@ -235,7 +260,9 @@ class Recorder:
         if human.support is not None:
             rows["support"][i] = human.support.left, human.support.right
             rows["support_known"][i] = True
-        rows["target"][i], rows["switch"][i] = record.stack.flat_target, record.stack.flat_switch
+        stack = record.stack
+        rows["target"][i], rows["switch"][i] = stack.flat_target, stack.flat_switch
+        rows["shift"][i], rows["held"][i] = stack.object_shift, stack.held
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -289,7 +316,15 @@ class Recorder:
             compute_s=rows["compute"],
             human_height_m=skeleton.height_m,
             human_ankle_height_m=skeleton.ankle_height_m,
+            object_names=self._object_names(),
+            object_shift_m=rows["shift"],
+            held_object=rows["held"],
         )
+
+    def _object_names(self) -> Sequence[str]:
+        """Return the names of the objects, of which the stack may know none."""
+        names = [str(item["name"]) for item in self._run.environment]
+        return names[: len(self._run.stack.object_shift)]
 
 
 def _is_known_name(path: Path | None) -> bool:

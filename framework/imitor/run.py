@@ -318,7 +318,8 @@ def _written(
     figures["source"] = {"skeleton": pipeline.skeleton.name, "notes": list(pipeline.skeleton.notes)}
     figures.update(extra)
     flight = figures["figures"].get("flight_frames", {}).get("share", 0.0)
-    if flight > FLIGHT_SHARE:
+    stands = pipeline.stack.anchor in ("", "left_foot", "right_foot")  # else it is held elsewhere
+    if flight > FLIGHT_SHARE and stands:
         log.warning(
             f"no foot touches the floor in {100 * flight:.0f} % of the frames: does the recording jump that much, "
             "or is its floor elsewhere (--set source.floor=...) or the support filter too strict?"

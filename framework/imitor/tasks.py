@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import ImitorError, did_you_mean
-from imitor.types import Array, BoolArray
+from imitor.types import Array, BoolArray, IntArray
 
 
 class TaskKind(StrEnum):
@@ -80,17 +80,20 @@ class Task:
 
 
 class TaskStack:
-    """The tasks of a pipeline, its anchor, and the feet the robot stands on.
+    """The tasks of a pipeline, its anchor, the feet the robot stands on, and the objects in its hands.
 
     Attributes:
         anchor: Role of the frame that solvers and post-processors hold exactly; empty for a free base.
         anchor_pose: Pose of the anchor frame, world from anchor, shape (4, 4).
         contact: The feet the robot is to stand on (left, right), shape (2,); mappers and stabilizers write it.
+        held: Number of the object of the environment that each hand (left, right) holds, -1 for none, shape (2,).
+        object_shift: How far each object of the environment was moved from where it is written, in world, shape
+            (K, 3) [m]; a stabilizer for contact writes both.
         flat_target: All targets one after the other, shape (N,).
         flat_switch: All masks and then all active flags, shape (S,); a change asks solvers for a new row layout.
     """
 
-    def __init__(self, n_joints: int) -> None:
+    def __init__(self, n_joints: int, n_objects: int = 0) -> None:
         self._n_joints = n_joints
         self._tasks: dict[str, Task] = {}
         self._places: dict[str, slice] = {}
@@ -98,6 +101,8 @@ class TaskStack:
         self.anchor = ""
         self.anchor_pose: Array = np.eye(4)
         self.contact: BoolArray = np.ones(2, dtype=bool)
+        self.held: IntArray = np.full(2, -1)
+        self.object_shift: Array = np.zeros((n_objects, 3))
         self.flat_target: Array = np.zeros(0)
         self.flat_switch: BoolArray = np.zeros(0, dtype=bool)
         self.flat_gain: Array = np.zeros(0)
@@ -145,7 +150,7 @@ class TaskStack:
 
     def twin(self) -> TaskStack:
         """Return a compiled stack with the same tasks and memory of its own, for another thread."""
-        other = TaskStack(self._n_joints)
+        other = TaskStack(self._n_joints, len(self.object_shift))
         for task in self:
             other.declare(task.name, task.kind, frame=task.frame, relative_to=task.relative_to)
         other.compile()

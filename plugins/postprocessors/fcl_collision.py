@@ -48,7 +48,8 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
     """Keep links off one another and off objects by the smallest change of joints that carry no standing foot.
 
     Distances come from python-fcl between simple shapes around the collision geometry, and objects of the pipeline's
-    ``environment``. A configuration in which nothing is near is left as it is, to the last bit.
+    ``environment``, which it follows where they are moved; hands may touch those that are ``graspable``. A
+    configuration in which nothing is near is left as it is, to the last bit.
     """
 
     name = "fcl_collision"
@@ -63,7 +64,7 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
             ImitorError: The robot has no usable collision geometry, or an object's mesh cannot be used.
         """
         from imitor.collision.correction import Correction, Settings
-        from imitor.collision.obstacles import obstacles
+        from imitor.collision.obstacles import graspable, obstacles
         from imitor.collision.shapes import robot_shapes
 
         try:
@@ -71,7 +72,7 @@ class FclCollision(Postprocessor[FclCollisionConfig]):
         except ValueError as error:
             raise ImitorError(f"environment: {error}") from None
         try:
-            shapes = robot_shapes(self.robot, self.config.margin_m, around)
+            shapes = robot_shapes(self.robot, self.config.margin_m, around, graspable(self.environment))
         except ValueError as error:
             raise ImitorError(
                 f"robot '{self.robot.name}' cannot be checked for collisions: {error}"

@@ -1,67 +1,49 @@
-"""A simulated robot: the finished motion is executed in physics, and the verdict says whether it stays up."""
+"""A simulated robot: the finished motion is executed in physics, and the verdict says whether it stays up.
+
+Hands that the motion declares to hold an object are welded to it while they do.
+"""
 
 from __future__ import annotations
 
 import logging
-import math
-from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, field_validator
 
-from imitor import Config, RunInfo, SinkReport, hookimpl
-from imitor.errors import SinkError
+from imitor import RunInfo, SinkReport, hookimpl
 from imitor.recorded_sink import RecordedSink, writing
+from imitor.simulation.options import PhysicsConfig, build_body
 
 if TYPE_CHECKING:
-    from imitor.simulation.body import Body
     from imitor.simulation.playback import Trace
 
 log = logging.getLogger("imitor")
 
-_Positive = Annotated[float, Field(gt=0)]
+
+_STANDING = frozenset({"", "left_foot", "right_foot"})
+"""Anchors of a robot that is not held: none, or a foot that stands."""
 
 
-class MujocoConfig(Config):
+class MujocoConfig(PhysicsConfig):
     """The servos, the floor, what counts as a fall, and which files are written."""
 
-    kp_per_effort: float = Field(
-        30.0, gt=0, description="Stiffness of the servos by their torque limit [1/rad]."
+    base: Literal["auto", "free", "held"] = Field(
+        "auto",
+        description="Whether the base is free or held where the motion has it, as on a stand; auto: held where the "
+        "tasks' anchor is no foot [-].",
     )
-    kv_per_kp: float = Field(0.05, gt=0, le=1, description="Damping of the servos by their stiffness [s].")
-    kp_nm_per_rad: Mapping[str, _Positive] = Field(
-        {}, description="Stiffness of single servos: joint, template or * [N m/rad]."
-    )
-    effort_nm: Mapping[str, _Positive] = Field(
-        {}, description="Torque limits in place of the model's: joint, template or * [N m]."
-    )
-    velocity_reference: bool = Field(
+    grasp: bool = Field(
         True,
-        description="Whether servos damp the deviation from the commanded speed; all speed otherwise [-].",
+        description="Whether hands are welded to objects while the motion declares that they hold them [-].",
     )
-    armature_per_effort: float = Field(
-        2e-4,
-        ge=0,
-        description="Inertia of motor and gear where the model has none, by the torque limit [kg m^2/(N m)].",
+    grasp_reach_m: float = Field(
+        0.03, gt=0, le=0.5, description="How near an object's surface a hand must be to take hold of it [m]."
     )
-    friction: float = Field(0.8, gt=0, le=5, description="Friction coefficient of floor and robot [-].")
-    touch: Literal["points", "hulls"] = Field(
-        "points",
-        description="What feels the floor beside the soles: points at the joints, or hulls of the visible parts [-].",
-    )
-    step_s: float = Field(0.002, gt=0, le=0.01, description="Time step of the simulation [s].")
     settle_s: float = Field(
         1.0, ge=0, le=60, description="How long the first command is held before the motion plays [s]."
     )
-    fall_tilt_rad: float = Field(
-        math.radians(45.0), gt=0, le=math.pi,
-        description="A fall: the base tilts by so much more than the motion asks for [rad].",
-    )  # fmt: skip
-    fall_drop_share: float = Field(
-        0.3, gt=0, le=1,
-        description="A fall: the base is by so much of its standing height lower than the motion asks for [-].",
-    )  # fmt: skip
     file: bool = Field(True, description="Whether simulation.npz is written [-].")
     video: bool = Field(
         False, description="Whether simulation.gif and simulation.png are rendered, without a display [-]."
@@ -101,30 +83,14 @@ class Mujoco(RecordedSink[MujocoConfig]):
             from imitor.visual.offscreen import check_rendering
 
             check_rendering()
-        self._body = self._build()
-
-    def _build(self) -> Body:
-        from imitor.simulation.body import Body, Surroundings
-        from imitor.simulation.drives import make_drives
-
-        c = self.config
-        drives = make_drives(
-            self.run.robot, kp_per_effort=c.kp_per_effort, kv_per_kp=c.kv_per_kp, effort=c.effort_nm, kp=c.kp_nm_per_rad
-        )  # fmt: skip
-        around = Surroundings(
-            step_s=c.step_s, friction=c.friction, armature_per_effort=c.armature_per_effort, touch=c.touch
-        )
-        try:
-            return Body(
-                self.run.robot, drives, around, visible=self.run.view, environment=self.run.environment
-            )
-        except ValueError as error:
-            raise SinkError(f"sink 'mujoco': {error}") from None
+        self._body = build_body(self.config, run, held=self.config.base == "held")
 
     def save(self) -> SinkReport:
         """Simulate, measure, and write what is asked for."""
         from imitor.simulation.verdict import figures
 
+        if self.config.base == "auto" and self.run.stack.anchor not in _STANDING:
+            self._body = build_body(self.config, self.run, held=True)
         trace = self.trace = self._play()
         verdict = figures(trace, self._body)
         if trace.fall is None:
@@ -144,6 +110,7 @@ class Mujoco(RecordedSink[MujocoConfig]):
                 self._body, self.recorder.motion(), settle_s=c.settle_s,
                 rule=FallRule(c.fall_tilt_rad, c.fall_drop_share),
                 velocity_reference=c.velocity_reference, observer=window,
+                reference=self.recorder.reference(), reach_m=c.grasp_reach_m if c.grasp else 0.0,
             )  # fmt: skip
         finally:
             if window is not None:
@@ -165,8 +132,9 @@ class Mujoco(RecordedSink[MujocoConfig]):
 
         robot, folder = self.run.robot, self.run.out_dir
         motion = executed_motion(trace, robot, standing_feet(trace, self._body.weight_n))
+        reference = replace(self.recorder.reference(), object_shift_m=trace.object_shift)
         film = Film(
-            robot, motion, self.recorder.reference(), self.config.size_px, self.config.fps, self.run.environment
+            robot, motion, reference, self.config.size_px, self.config.fps, self.run.environment
         )  # fmt: skip
         gif, sheet = folder / "simulation.gif", folder / "simulation.png"
         try:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-import socket
+import os
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
@@ -22,8 +24,21 @@ CYCLE_HZ: Final = 50.0
 """Commands a second that the motion service takes up [Hz]."""
 _STIFF: Final = 0.3
 """Less stiffness than this does not hold a joint [-]."""
-_LEFT: Final[list[Any]] = []
-"""Sessions that never were: qi can hang when it forgets one."""
+_START_S: Final = 3.0
+"""How long the probe may take beside the robot's answer [s]."""
+_PROBE: Final = """
+import os, sys
+import qi
+code = 1
+try:
+    session = qi.Session()
+    session.connect(sys.argv[1])
+    session.service("ALMotion")
+    code = 0
+except RuntimeError as error:
+    print(str(error).strip().splitlines()[0], flush=True)
+os._exit(code)
+"""
 _UNASKED: Final = (("setIdlePostureEnabled", "Body"), ("setBreathEnabled", "Body"))
 """Movements of its own, and of which chain each is switched off."""
 
@@ -86,7 +101,7 @@ class Naoqi(RobotSink[NaoqiConfig]):
         qi, c = self.package(), self.config
         qi.logging.setLevel(qi.logging.FATAL)  # it writes into the output; its errors come back to us
         url = f"tcp://{c.host}:{c.port}"
-        self._knock()
+        self._knock(url)
         self._session = qi.Session()
         self._answer(self._session.connect(url, _async=True), f"connecting to {url}")
         self._motion = self._answer(self._session.service("ALMotion", _async=True), "its service ALMotion")
@@ -114,16 +129,25 @@ class Naoqi(RobotSink[NaoqiConfig]):
                 if hasattr(self._motion, call):
                     self._ask(call, chain, False)
 
-    def _knock(self) -> None:
-        """See that something listens there: qi can hang or crash when nothing does."""
-        c = self.config
+    def _knock(self, url: str) -> None:
+        """Connect in a process of its own first: qi can hang or crash when there is no robot.
+
+        Raises:
+            SinkError: There is none.
+        """
         try:
-            socket.create_connection((c.host, c.port), c.timeout_s).close()
-        except OSError as error:
+            done = subprocess.run(
+                [sys.executable, "-c", _PROBE, url], capture_output=True, text=True, check=False,
+                timeout=self.config.timeout_s + _START_S, env={**os.environ, "QI_LOG_LEVEL": "0"},
+            )  # fmt: skip
+            said = done.stdout.strip().splitlines()
+            why = "" if done.returncode == 0 else said[-1] if said else "what listens there is no robot"
+        except subprocess.TimeoutExpired:
+            why = f"no answer in {self.config.timeout_s:g} s"
+        if why:
             raise SinkError(
-                f"nothing answers at {c.host}:{c.port}: {error.strerror or error}; is the robot switched on, and are "
-                "`host` and `port` its own?"
-            ) from None
+                f"{url}: {why}; is the robot switched on and in this network, and are `host` and `port` its own?"
+            )
 
     def _ask(self, call: str, *arguments: Any) -> Any:
         return self._answer(getattr(self._motion, call)(*arguments, _async=True), f"ALMotion.{call}")
@@ -187,10 +211,7 @@ class Naoqi(RobotSink[NaoqiConfig]):
         if self._under_way is not None:
             self._under_way.wait(500)
         if self._session is not None:
-            if self._session.isConnected():
-                self._session.close()
-            else:
-                _LEFT.append(self._session)
+            self._session.close()
         self._session = self._motion = self._under_way = None
 
 

@@ -16,12 +16,18 @@ from imitor.types import Array
 if TYPE_CHECKING:
     from imitor.ik.layout import Layout
 
+_HEAVIEST = 1e9
+"""Most that the first level weighs against the last [-]: beyond, quadratic programs were called infeasible."""
+
 
 class PlacoConfig(IterativeConfig):
     """Options of the placo solver."""
 
     level_ratio: float = Field(
-        1e3, gt=1, description="How many times more a level weighs than the next one below it [-]."
+        1e3,
+        gt=1,
+        description="How many times more a level weighs than the next one below it; less where many levels would make "
+        "the first one weigh more than 1e9 times the last, which the program could not tell from infinity [-].",
     )
     damping: float = Field(0.01, gt=0, description="Damping of all steps, lambda [-].")
     error_damping: float = Field(
@@ -54,10 +60,11 @@ class Placo(IterativeSolver[PlacoConfig]):
         variable = problem.add_variable(J.shape[1])
         step = variable.expr()
         n_levels = len(layout.starts)
+        ratio = min(config.level_ratio, _HEAVIEST ** (1.0 / max(n_levels - 1, 1)))
         for level, start in enumerate(layout.starts):
             end = layout.starts[level + 1] if level + 1 < n_levels else layout.m
             row = step.left_multiply(J[start:end]) == e[start:end]
-            problem.add_constraint(row).configure("soft", config.level_ratio ** (n_levels - 1 - level))
+            problem.add_constraint(row).configure("soft", ratio ** (n_levels - 1 - level))
         last = e[layout.starts[-1] :] if layout.m else e
         damping2 = config.damping**2 + config.error_damping * float(last @ last)
         problem.add_constraint(step == g).configure("soft", damping2)

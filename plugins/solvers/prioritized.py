@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from imitor.ik.layout import Layout
 
 Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
 
 
 class PrioritizedConfig(IterativeConfig):
@@ -25,6 +26,11 @@ class PrioritizedConfig(IterativeConfig):
         0.01,
         description="Damping lambda_0 of the projectors: what a level controls less is left to lower ones; one value, "
         "or one a level, the last for all further ones [-].",
+    )
+    yielding: NotNegative | Sequence[NotNegative] = Field(
+        0.0,
+        description="What a level's error adds to its lambda_0 (as squares): a level that cannot be reached leaves "
+        "directions it hardly controls to lower ones; one value, or one a level [1/m, 1/rad].",
     )
     step_damping: float = Field(
         0.05,
@@ -57,17 +63,23 @@ class Prioritized(IterativeSolver[PrioritizedConfig]):
         self._by_level = not isinstance(damping, float)
         self._floor2 = np.square(np.atleast_1d(np.asarray(damping, dtype=float)))
         self._floor = float(self._floor2[0])
+        self._yielding2 = np.square(np.atleast_1d(np.asarray(self.config.yielding, dtype=float)))
+        self._yields = bool(self._yielding2.any())
 
     def bounded_step(self, layout: Layout, J: Array, g: Array, limits: Bounds, speeds: Bounds) -> Array:
         """Return the prioritised step within bounds, by clamping."""
         e, starts, config = layout.e, layout.starts, self.config
         calm = config.step_damping**2
-        damping2 = (config.error_damping * np.add.reduceat(e * e, starts) + calm).tolist() if layout.m else []
+        error2 = np.add.reduceat(e * e, starts) if layout.m else np.zeros(0)
+        damping2 = (config.error_damping * error2 + calm).tolist()
         if damping2 and layout.first_level:
             damping2[0] -= calm
         floor2 = (
             self._floor2[np.minimum(layout.level, self._floor2.size - 1)] if self._by_level else self._floor
         )
+        if self._yields and layout.m:
+            share = self._yielding2[np.minimum(layout.level, self._yielding2.size - 1)]
+            floor2 = floor2 + share * np.repeat(error2, np.diff([*starts, layout.m]))
         step, _ = self._clamped_step(
             J, e, g, starts, damping2, floor2, limits, speeds, layout.first, config.max_step_rad
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import exp
+from math import exp, remainder, tau
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,12 @@ class ComAnticipationConfig(Config):
     )
     foot_turn_rad_s: float = Field(
         2.0, gt=0, description="How fast a free foot is turned flat before it is lowered [rad/s]."
+    )
+    toe_in_rad: float = Field(
+        0.1,
+        ge=0,
+        description="Where the hips share a motor and headings are free: how far toes may point inward from where the "
+        "other foot points before they are turned back [rad].",
     )
     patience_s: float = Field(
         1.0,
@@ -178,8 +184,8 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
             elif i == machine.anchor:
                 foot.release(stack)
             else:
-                self._turn_freely(i)
-                foot.stand(stack, self.place[i], free_yaw=self._free_yaw)
+                free_yaw = self._turn_freely(i)
+                foot.stand(stack, self.place[i], free_yaw=free_yaw)
         stack.anchor = self._feet[machine.anchor].role
         stack.anchor_pose[:] = self.place[machine.anchor]
         com = stack["com"]
@@ -302,12 +308,12 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
             height = max(height, foot.over_floor(self.config.clearance_m))
             actual = self.robot.position(foot.ankle_role)
             ankle = swing.land(self.landing + lead, actual, ground, height, level)
-        self._turn_freely(i)
+        free_yaw = self._turn_freely(i)
         pose = self.place[i].copy()
         turn = self._tilt(self.robot.rotation(foot.role), self.config.foot_turn_rad_s * self.dt_s)
         pose[:3, :3] = turn @ pose[:3, :3]
         pose[:3, 3] = ankle - pose[:3, :3] @ foot.sole_to_ankle
-        foot.stand(stack, pose, free_yaw=self._free_yaw)
+        foot.stand(stack, pose, free_yaw=free_yaw)
 
     def _beside(self, ankle: Array, i: int) -> Array:
         """Move a free foot's ankle, shape (3,) [m], outward until its sole is beside the one that stands."""
@@ -316,12 +322,21 @@ class ComAnticipation(Stabilizer[ComAnticipationConfig]):
         ankle[:2] += max(self._least_between + self.config.apart_m - between, 0.0) * outward
         return ankle
 
-    def _turn_freely(self, i: int) -> None:
-        """Take the heading of a foot as it is, where headings are free."""
-        if self._free_yaw:
-            at = self._ankle_on_floor(i)
-            self.place[i][:3, :3] = self._yaw(self._heading_of(self.robot.rotation(self._feet[i].role)))
-            self.place[i][:2, 3] += (at - self._ankle_on_floor(i))[:2]
+    def _turn_freely(self, i: int) -> bool:
+        """Take the heading of a foot as it is, where headings are free; return whether it is free in this frame.
+
+        Toes that point inward further than `toe_in_rad` from where the other foot points are turned back.
+        """
+        if not self._free_yaw:
+            return False
+        heading = self._heading_of(self.robot.rotation(self._feet[i].role))
+        other = self._heading_of(self.place[1 - i][:3, :3])
+        inward = (2.0 * i - 1.0) * remainder(heading - other, tau) - self.config.toe_in_rad
+        back = min(max(inward, 0.0), self.config.foot_turn_rad_s * self.dt_s)
+        at = self._ankle_on_floor(i)
+        self.place[i][:3, :3] = self._yaw(heading - (2.0 * i - 1.0) * back)
+        self.place[i][:2, 3] += (at - self._ankle_on_floor(i))[:2]
+        return inward <= 0.0
 
     def _lay(self, i: int) -> None:
         """Take where a foot is as the place on which it stands, flat on the floor."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
+from imitor.tasks import Task
 from imitor.types import SIDES, Array
 
 Vector = tuple[float, float, float]
+_LOG: Final = logging.getLogger("imitor")
 
 
 class ContactTransitionConfig(Config):
@@ -24,9 +27,16 @@ class ContactTransitionConfig(Config):
         (0.0, 0.0, 0.0),
         description="The left hand's grip from the object's position, in world; mirrored for the right hand [m].",
     )
-    travel_m: Vector = Field(
-        (0.0, 0.0, 0.0),
-        description="How far and where to the object moves when it is pulled or pushed, in world [m].",
+    travel_m: Vector | None = Field(
+        None,
+        description="How far and where to the object is moved when it is pulled or pushed, in world; none: as far as "
+        "it slides, and not at all if it has no `slide` [m].",
+    )
+    grasp_m: float = Field(
+        0.01,
+        gt=0,
+        description="A hand of the person this near its grip, wherever the object is, takes hold of it, and lets go "
+        "this far from its travel [m].",
     )
     radius_m: float = Field(
         0.1, gt=0, description="Sphere around the grip within which the robot grows to the person's size [m]."
@@ -50,10 +60,27 @@ class ContactTransitionConfig(Config):
         description="Shift of the robot from the person's place: forward, left, up; none: the smallest from which the "
         "hands reach their grips [m].",
     )
+    grip_rpy_rad: Vector = Field(
+        (0.0, 0.0, 0.0),
+        description="How the left hand is turned at its grip when a placement is looked for, about world's x, y and z; "
+        "mirrored for the right hand [rad].",
+    )
+    room_m: float = Field(
+        0.015,
+        ge=0,
+        le=0.5,
+        description="How far to each side of the grips hands must reach from a placement: they come and leave [m].",
+    )
     search_m: float = Field(
         0.6, ge=0, le=3, description="How far a placement is looked for, fore and aft [m]."
     )
     rise_m: float = Field(0.0, ge=0, le=2, description="How far a placement may raise the robot [m].")
+
+    @model_validator(mode="after")
+    def _holds_in_full_size(self) -> ContactTransitionConfig:
+        if self.held_m < self.grasp_m:
+            raise ValueError("a hand that holds has the person's path: grasp_m should be at most held_m")
+        return self
 
 
 class ContactTransition(Stabilizer[ContactTransitionConfig]):
@@ -64,8 +91,11 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
     its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends
     on the distance of the person's hand alone, with no step in velocity; leaving is the same way back.
 
+    It also tells which hands hold the object and how far they moved it: from when the person's hand reaches the grip
+    until it leaves the object's travel. An object that slides, and what is part of it, moves along.
+
     It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis
-    is     anchored where the mapper has it, shifted by `placement_m`.
+    is anchored where the mapper has it, shifted by `placement_m`.
     """
 
     name = "contact_transition"
@@ -82,6 +112,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         Raises:
             ImitorError: The environment has no object of this name.
         """
+        from imitor.contact.grasp import Grasp
         from imitor.contact.grips import Grips
 
         c = self.config
@@ -93,9 +124,10 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         self._pelvis = None
         if "pelvis" in stack:
             self._pelvis = stack["pelvis"]
-        self.grips = None
+        self.grips = self._grasp = None
         if c.object is not None:
             self.grips = Grips(self.environment, c.object, c.grip_offset_m, c.travel_m)
+            self._grasp = Grasp(self.grips, c.grasp_m)
 
     def start(self) -> None:
         """Prepare the limits and a robot in its own size."""
@@ -120,16 +152,18 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         """Forget where the robot was placed."""
         self.placement: Array | None = None
         self.share: Array = np.zeros(2)
+        if self._grasp is not None:
+            self._grasp.reset()
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
-        """Write the targets of the hands, and place the pelvis."""
+        """Write the targets of the hands and the state of the object, and place the pelvis."""
+        self._move_object(stack)
         own = self._place(stack)
         q = self._posture.target.copy()
         modified = np.where(self._arms, self._limits(q), q)
         pelvis = own if self._pelvis is None else self._pelvis.target
         for i, task in self._hands:
-            hand = task.target if task.kind is TaskKind.POSITION else task.target[:3, 3]
-            self.share[i] = self._share(hand, i)
+            self.share[i] = self._share(_position(task), i)
             if self.share[i] >= 1.0:
                 continue  # the person's hand itself
             pose = self._grown_hand(float(self.share[i]), task.frame, (own, pelvis), (modified, q))
@@ -138,6 +172,15 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
             else:
                 task.target[:] = pose
         self._posture.target[:] = modified  # beyond a limit it would hold a joint there that the hands need
+
+    def _move_object(self, stack: TaskStack) -> None:
+        """Write which hands hold the object, and where it is."""
+        stack.held[:] = -1
+        if self._grasp is None or self.grips is None:
+            return
+        self._grasp.step([(i, _position(task)) for i, task in self._hands])
+        stack.held[self._grasp.holds] = self.grips.number
+        stack.object_shift[self.grips.moving] = self._grasp.shift
 
     def _share(self, hand: Array, side: int) -> float:
         """Return the share of growth for a hand of the person: 0 outside the sphere, 1 at the grip."""
@@ -183,26 +226,33 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         return self._grown.pose("waist")
 
     def _found(self, pelvis: Array) -> Array:
-        """Return the nearest placement from which the grips are in the workspace, hands flat and forward."""
+        """Return the nearest placement from which the grips are in the workspace, all along the travel.
+
+        Raises:
+            ImitorError: There is none within reach.
+        """
         if self.grips is None or not self._hands:
             return np.zeros(3)
         from imitor.contact.placement import REACHED, Workspace
         from imitor.errors import ImitorError
 
-        poses = []
-        for place in self.grips.places():
-            both = np.tile(pelvis, (2, 1, 1))
-            both[:, :3, 3] = place
-            poses.append([both[i] for i, _ in self._hands])
         c = self.config
+        poses = self.grips.poses(c.grip_rpy_rad, c.room_m)
         shift, miss = Workspace(self.robot).nearest_placement(pelvis, poses, c.search_m, c.rise_m)
-        if miss > 10 * REACHED:
+        told = [round(float(x), 3) for x in shift]
+        if miss > REACHED:
             raise ImitorError(
-                f"'{c.object}' is out of the robot's workspace from every placement within {c.search_m} m: at best, "
-                f"{shift.round(2).tolist()}, a hand misses by {miss:.3f} m or rad; raise search_m or rise_m, move the "
-                "object, or give placement_m"
+                f"'{c.object}' is out of the robot's workspace from every placement up to {c.search_m} m fore and aft "
+                f"and {c.rise_m} m up: at best, {told}, a hand misses by {miss:.3f} m or rad; raise search_m or "
+                "rise_m, lower room_m, move the object, or give placement_m"
             )
+        _LOG.info("contact_transition: '%s' is in the workspace from placement_m: %s", c.object, told)
         return shift
+
+
+def _position(task: Task) -> Array:
+    """Return where a hand's target is, shape (3,) [m]."""
+    return task.target if task.kind is TaskKind.POSITION else task.target[:3, 3]
 
 
 @hookimpl

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
-from imitor.types import Array, BoolArray
+from imitor.types import Array, BoolArray, IntArray
 
 
 class SavitzkyGolayConfig(Config):
@@ -60,7 +60,7 @@ class SavitzkyGolay(Stabilizer[SavitzkyGolayConfig]):
     def reset(self) -> None:
         """Forget the samples."""
         self._past: dict[str, Array] = {}
-        self._flat: list[tuple[Array, BoolArray, Array, str, Array, BoolArray]] = []
+        self._flat: list[tuple[Array, BoolArray, Array, str, Array, BoolArray, IntArray, Array]] = []
 
     def step(self, frame: HumanFrame, stack: TaskStack, state: Configuration) -> None:
         """Replace the targets by smoothed ones."""
@@ -91,15 +91,16 @@ class SavitzkyGolay(Stabilizer[SavitzkyGolayConfig]):
         """Give everything back that was told half a window before."""
         now = (
             stack.flat_target.copy(), stack.flat_switch.copy(), stack.flat_gain.copy(),
-            stack.anchor, stack.anchor_pose.copy(), stack.contact.copy(),
+            stack.anchor, stack.anchor_pose.copy(), stack.contact.copy(), stack.held.copy(), stack.object_shift.copy(),
         )  # fmt: skip
         if not self._flat:
             self._flat = [now] * self.delay_frames
         self._flat.append(now)
-        target, switch, gain, anchor, pose, contact = self._flat.pop(0)
+        target, switch, gain, anchor, pose, contact, held, shift = self._flat.pop(0)
         stack.flat_target[:], stack.flat_switch[:], stack.flat_gain[:] = target, switch, gain
         stack.anchor = anchor
         stack.anchor_pose[:], stack.contact[:] = pose, contact
+        stack.held[:], stack.object_shift[:] = held, shift
 
 
 def weights(window: int, order: int, at: int, derivative: int = 0) -> Array:

@@ -82,6 +82,10 @@ def simulation_text(verdict: Mapping[str, Any]) -> str:
     ]
     if inside is not None:
         facts.append(f"ZMP inside {number_text(100 * inside)} %")
+    for name, moved in verdict.get("objects", {}).items():
+        facts.append(
+            f"{name} opened {number_text(1e3 * moved['opened_m'])} mm of {number_text(1e3 * moved['asked_m'])} mm"
+        )
     return f"{text}\n  {', '.join(facts)}"
 
 

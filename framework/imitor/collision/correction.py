@@ -95,6 +95,7 @@ class Correction:
     def apply(self, stack: TaskStack, state: Configuration) -> None:
         """Change ``state.q`` in place, and leave the robot updated at it."""
         q, sent, robot = state.q, state.sent, self._robot
+        self.separation.distances.move_objects(stack.object_shift)
         if sent is not None and np.array_equal(q, sent):
             return  # the last command again: it was corrected then
         first = self._offset is None
@@ -105,6 +106,8 @@ class Correction:
         before = np.where(free, np.zeros(robot.n) if self._offset is None else self._offset, 0.0)
         wish = self._fade * before
         wish[np.abs(wish) < _GONE_RAD] = 0.0
+        # at the end of a joint's range there is no room for it: no reason to slow the whole pose down
+        wish = np.clip(wish, np.minimum(robot.lower - q[7:], 0.0), np.maximum(robot.upper - q[7:], 0.0))
         low, high = robot.lower, robot.upper
         if self._guard is not None and sent is not None:
             low, high = self._slowed(stack, q, wish, sent)
@@ -145,9 +148,15 @@ class Correction:
             trial.q[7:] = joints
             self._guard.apply(stack, trial)
             q[:] = trial.q
-            q[7:] -= wish
-            self._robot.update(q)
+            self._take_back(stack, q, wish)
         return low, high
+
+    def _take_back(self, stack: TaskStack, q: Array, wish: Array) -> None:
+        """Take a correction out of a pose that has it; the anchor, which bent legs would move, keeps its place."""
+        q[7:] -= wish
+        self._robot.update(q)
+        if stack.anchor:
+            self._robot.place(q, stack.anchor, stack.anchor_pose)
 
     def _bend(
         self, stack: TaskStack, q: Array, asked: Array, wish: Array, box: tuple[Array, Array], depth: float
@@ -196,10 +205,7 @@ class Correction:
         free = np.ones(robot.n, dtype=bool) if bent else self._feet.free(stack)
         for share in _SHARES:
             q[:] = robot.interpolate(sent, asked, share)
-            robot.update(q)
-            if stack.anchor:
-                robot.place(q, stack.anchor, stack.anchor_pose)
-            q[7:] -= wish
+            self._take_back(stack, q, wish)
             step = self._robot.speed * self._settings.dt_s
             given = q[7:]
             low = np.maximum(robot.lower, sent[7:] - step) - given

@@ -52,6 +52,7 @@ class Distances:
         self._rotations = [robot.data.oMi[int(j)].rotation for j in shapes.joint]
         self._translations = [robot.data.oMi[int(j)].translation for j in shapes.joint]
         self._base = robot.data.oMi[1]
+        self._shift: Array = np.zeros((len(shapes.links), 3))
         self._first, self._second = shapes.pairs[:, 0], shapes.pairs[:, 1]
         self._reach = shapes.radius[self._first] + shapes.radius[self._second]
         self._request = fcl.DistanceRequest(True, False)
@@ -66,6 +67,12 @@ class Distances:
         self._fresh: dict[int, tuple[float, Array, Array]] = {}
         self._apart: dict[int, Array] = {}
 
+    def move_objects(self, shift: Array) -> None:
+        """Tell how far each object of the environment was moved from where it is written, shape (K, 3) [m]."""
+        n = self.shapes.n_objects
+        if n and len(shift) == n:
+            self._shift[-n:] = shift
+
     def below(self, distance: float | Array) -> tuple[IntArray, Array, Array, Array]:
         """Return pairs nearer than a distance [m], the same for all or one a pair, (P,).
 
@@ -74,7 +81,7 @@ class Distances:
             world, and points between the two (K, 3) [m] in world.
         """
         s = self.shapes
-        R, p = np.array(self._rotations), np.array(self._translations)
+        R, p = np.array(self._rotations), np.array(self._translations) + self._shift
         centre = (R @ s.centre[:, :, None])[:, :, 0] + p
         turn, origin = self._base.rotation, self._base.translation
         C, B = (centre - origin) @ turn, turn.T @ R

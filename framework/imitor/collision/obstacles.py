@@ -1,4 +1,4 @@
-"""Objects around the robot as solids fixed in world."""
+"""Objects around the robot as solids in world."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _WORLD = 0
 
 
 def obstacles(environment: Sequence[Mapping[str, Any]]) -> list[Part]:
-    """Return the objects of a pipeline's ``environment``, meshes as their convex hulls.
+    """Return the objects of a pipeline's ``environment`` where they are written, meshes as their convex hulls.
 
     Raises:
         ValueError: A mesh cannot be read or has no volume; the message says which.
@@ -34,3 +34,8 @@ def obstacles(environment: Sequence[Mapping[str, Any]]) -> list[Part]:
                 raise ValueError(f"the mesh {item.path} of '{item.name}' cannot be used: {error}") from None
         parts.append(part)
     return parts
+
+
+def graspable(environment: Sequence[Mapping[str, Any]]) -> frozenset[str]:
+    """Return the names of the objects that hands may touch."""
+    return frozenset(item.name for item in read_environment(environment) if item.graspable)

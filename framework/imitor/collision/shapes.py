@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -37,6 +37,7 @@ class Shapes:
         pairs: Indices of the shapes of each pair, (P, 2).
         margin: Distance that each pair keeps, (P,) [m].
         rule: How the pairs were chosen, for people.
+        n_objects: How many shapes, the last ones, are objects of the environment.
     """
 
     links: list[str]
@@ -51,9 +52,12 @@ class Shapes:
     pairs: IntArray
     margin: Array
     rule: str
+    n_objects: int = 0
 
 
-def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] = ()) -> Shapes:
+def robot_shapes(
+    robot: RobotModel, margin_m: float, obstacles: Sequence[Part] = (), graspable: Collection[str] = ()
+) -> Shapes:
     """Return the shapes of a robot and of objects around it, and the pairs that shall keep a margin.
 
     Boxes, spheres, cylinders and capsules are taken as they are; a mesh becomes a simple shape around its convex
@@ -63,7 +67,8 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
     Args:
         robot: The robot.
         margin_m: Distance to keep [m].
-        obstacles: Objects fixed in the world; links with a sole are not kept off them, for they stand on some.
+        obstacles: Objects in the world; links with a sole are not kept off them, for they stand on some.
+        graspable: Names of objects that hands are not kept off.
 
     Raises:
         ValueError: The model has no usable collision geometry; the message says why.
@@ -75,6 +80,7 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
     from imitor.collision.pairs import meeting_pairs
     from imitor.metrics.collision import full_configurations, robot_collision_model
     from imitor.metrics.kinematics import fresh_model
+    from imitor.robot.hands import hand_joints
 
     model = fresh_model(robot.card, robot.files)
     found = robot_collision_model(robot, model)
@@ -118,13 +124,20 @@ def robot_shapes(robot: RobotModel, margin_m: float, obstacles: Sequence[Part] =
         return shapes
     feet = {robot.model.frames[robot.frame_id(f"{side}_foot")].parentJoint for side in SIDES}
     free = [k for k in range(len(items)) if joints[k] not in feet]
-    new = [(k, len(parts) + i) for i in range(len(obstacles)) for k in free]
-    return assemble(
+    hands = hand_joints(robot)
+    new = [
+        (k, len(parts) + i)
+        for i, part in enumerate(obstacles)
+        for k in free
+        if part.link not in graspable or joints[k] not in hands
+    ]
+    everything = assemble(
         [*parts, *obstacles],
         np.vstack([pairs, np.array(new, dtype=int).reshape(-1, 2)]),
         np.append(shapes.margin, np.full(len(new), margin_m)),
         rule,
     )
+    return replace(everything, n_objects=len(obstacles))
 
 
 def assemble(parts: Sequence[Part], pairs: IntArray, margin: Array, rule: str = "") -> Shapes:

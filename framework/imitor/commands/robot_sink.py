@@ -34,16 +34,19 @@ class Hiccup(Exception):
     """A command did not get through; the next one may."""
 
 
-class RobotConfig(Config):
-    """What every sink that moves a robot can be told."""
+class StartConfig(Config):
+    """How a robot, also a simulated one, gets to the first command."""
 
-    armed: bool = Field(
-        False, description="Whether commands leave this machine's program; --arm sets it for one run [-]."
-    )
     blend_speed_rad_s: float = Field(
         0.5, gt=0, le=3,
         description="Largest joint speed on the way from the robot's posture to the first command [rad/s].",
     )  # fmt: skip
+
+
+class RobotConfig(StartConfig):
+    """What every sink that moves a real robot can be told."""
+
+    armed: bool = Field(False, description="Whether commands are sent; --arm sets it for one run [-].")
     give_up_s: float = Field(
         1.0, gt=0, le=60, description="How long no command may get through before the run fails [s]."
     )
@@ -59,7 +62,7 @@ class BlindConfig(RobotConfig):
     )
 
 
-C = TypeVar("C", bound=RobotConfig)
+C = TypeVar("C", bound=StartConfig)
 B = TypeVar("B", bound=BlindConfig)
 
 
@@ -122,8 +125,8 @@ class RobotSink(Sink[C]):
 
     @property
     def armed(self) -> bool:
-        """Whether commands are sent."""
-        return self.config.armed
+        """Whether commands are sent; to a simulation always."""
+        return self.config.armed if isinstance(self.config, RobotConfig) else True
 
     def start(self) -> None:
         """Check that the package that speaks the protocol is there."""
@@ -147,6 +150,7 @@ class RobotSink(Sink[C]):
         self._lower, self._upper, self._speed = robot.lower.copy(), robot.upper.copy(), robot.speed.copy()
         self._sent = self._failed = self._not_finite = 0
         self._failing_since_s: float | None = None
+        self._give_up_s = self.config.give_up_s if isinstance(self.config, RobotConfig) else 0.0
         self._finished = False
         self.command = Command.of(robot)
         self._pace = None if run.live or not self.armed else Pace(self._dt_s)
@@ -161,8 +165,11 @@ class RobotSink(Sink[C]):
             except BaseException:
                 self.close()
                 raise
-        self.command.q[N_BASE:] = start
-        self._approach = Approach(start, self._speed, self._dt_s, self.config.blend_speed_rad_s)
+        self._begin_at(start)
+
+    def _begin_at(self, joints: Array) -> None:
+        self.command.q[N_BASE:] = joints
+        self._approach = Approach(joints, self._speed, self._dt_s, self.config.blend_speed_rad_s)
 
     def _posture(self, robot: RobotModel) -> Array:
         found = self.present()
@@ -191,7 +198,7 @@ class RobotSink(Sink[C]):
         """Send the command of a frame; the first one of a recording waits until the robot is there.
 
         Raises:
-            SinkError: For ``give_up_s`` no command has got through.
+            SinkError: The robot does not tell where it is, or for ``give_up_s`` no command has got through.
         """
         q, status = record.state.q, record.state.status
         if not isfinite(q.dot(q)):
@@ -199,6 +206,8 @@ class RobotSink(Sink[C]):
             q, status = self.command.q, HELD
         if self.command.index < 0:
             self.command.q[:N_BASE] = q[:N_BASE]
+            if self.armed:  # since `open` it may have moved
+                self._begin_at(self._posture(self.run.robot))
             self._approach.plan(np.clip(q[N_BASE:], self._lower, self._upper))
             if self.armed and self._approach.duration_s > 0:
                 log.info("%s: %.1f s to the first command", self.name, self._approach.duration_s)
@@ -229,9 +238,9 @@ class RobotSink(Sink[C]):
             if self._failing_since_s is None:
                 self._failing_since_s = now
                 log.warning("%s: a command did not get through: %s", self.name, error)
-            elif now - self._failing_since_s > self.config.give_up_s:
+            elif now - self._failing_since_s > self._give_up_s:
                 raise SinkError(
-                    f"for {self.config.give_up_s:g} s no command has got through: {error}; the robot keeps what it was "
+                    f"for {self._give_up_s:g} s no command has got through: {error}; the robot keeps what it was "
                     "told last"
                 ) from error
             return
@@ -247,8 +256,8 @@ class RobotSink(Sink[C]):
             c.index += 1
             with contextlib.suppress(Hiccup):
                 self.rest(c)
-        figures = {
-            "armed": self.armed,
+        figures: dict[str, Any] = {"armed": self.armed} if isinstance(self.config, RobotConfig) else {}
+        figures |= {
             "commands": max(c.index + 1 - self._finished, 0),
             "sent": self._sent,
             "not_sent": self._failed,
@@ -272,4 +281,4 @@ class BlindRobotSink(RobotSink[B]):
         return dict(zip(robot.joint_names, joints.tolist(), strict=True))
 
 
-__all__ = ["BlindConfig", "BlindRobotSink", "Hiccup", "RobotConfig", "RobotSink"]
+__all__ = ["BlindConfig", "BlindRobotSink", "Hiccup", "RobotConfig", "RobotSink", "StartConfig"]

@@ -13,6 +13,8 @@ from imitor.tasks import TaskKind, TaskStack
 from imitor.types import SIDES, Array
 
 _STEPS = 80
+_GRID_M = 0.025
+"""Step between placements that are tried [m]; from the right ones hands reach all within a few centimetres."""
 REACHED = 0.004
 """A pose is in the workspace when the hands get so near [m or rad]."""
 
@@ -28,37 +30,40 @@ class Workspace:
         self._robot = robot.twin()
         self._stack = TaskStack(robot.n)
         self._hands = [
-            self._stack.declare(f"{s}_hand", TaskKind.POSE, frame=f"{s}_hand")
-            for s in SIDES
+            (i, self._stack.declare(f"{s}_hand", TaskKind.POSE, frame=f"{s}_hand"))
+            for i, s in enumerate(SIDES)
             if robot.has(f"{s}_hand")
         ]
         self._stack.compile()
         self._stack.anchor = "waist"
-        self._finder = PoseFinder(self._robot, self._stack, [t.name for t in self._hands], damping=0.005)
+        self._finder = PoseFinder(self._robot, self._stack, [t.name for _, t in self._hands], damping=0.005)
         straight = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
         self._starts = (straight, robot.standing[7:], 0.5 * (robot.lower + robot.upper))
 
-    def miss(self, pelvis: Array, hands: Sequence[Sequence[Array]]) -> float:
+    def miss(self, pelvis: Array, hands: Sequence[Array], enough: float = np.inf) -> float:
         """Return the largest error with which the robot gets to these poses in turn [m or rad].
 
         Args:
             pelvis: Pose of the waist, world from waist, shape (4, 4).
-            hands: For each place a pose of each hand, shape (4, 4).
+            hands: For each place the pose of the left and of the right hand, shape (2, 4, 4).
+            enough: An error that ends the search for a way, for no smaller one is of interest [m or rad].
         """
         self._stack.anchor_pose[:] = pelvis
-        return min(self._follow(start, hands) for start in self._starts)
+        return min(self._follow(start, hands, enough) for start in self._starts)
 
-    def _follow(self, joints: Array, hands: Sequence[Sequence[Array]]) -> float:
+    def _follow(self, joints: Array, hands: Sequence[Array], enough: float) -> float:
         q, worst = self._robot.standing.copy(), 0.0
         q[7:] = joints
         for poses in hands:
-            for task, pose in zip(self._hands, poses, strict=False):
-                task.target[:] = pose
-            worst = max(worst, self._finder.improve(q, _STEPS, REACHED))
+            for side, task in self._hands:
+                task.target[:] = poses[side]
+            worst = max(worst, self._finder.improve(q, _STEPS, 0.5 * REACHED))
+            if worst > enough:
+                break
         return worst
 
     def nearest_placement(
-        self, pelvis: Array, hands: Sequence[Sequence[Array]], reach_m: float = 0.5, rise_m: float = 0.0
+        self, pelvis: Array, hands: Sequence[Array], reach_m: float = 0.5, rise_m: float = 0.0
     ) -> tuple[Array, float]:
         """Return the smallest shift of the pelvis from which the hands reach all, shape (3,) [m], and what it misses.
 
@@ -66,17 +71,16 @@ class Workspace:
 
         Args:
             pelvis, hands: As for `miss`.
-            reach_m: How far it may go forward or back and aside [m].
-            rise_m: How far it may be raised, on a pedestal [m].
+            reach_m: How far it may go forward or back [m].
+            rise_m: How far it may be raised [m].
         """
-        steps = np.arange(-reach_m, reach_m + 1e-9, 0.05)
-        up = np.arange(0.0, rise_m + 1e-9, 0.05)
-        shifts = np.array(list(itertools.product(steps, (0.0,), up)))
+        n, up = round(reach_m / _GRID_M), np.arange(round(rise_m / _GRID_M) + 1) * _GRID_M
+        shifts = np.array(list(itertools.product(np.arange(-n, n + 1) * _GRID_M, (0.0,), up)))
         best, least = np.zeros(3), np.inf
         for shift in shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]:
             moved = pelvis.copy()
             moved[:3, 3] += pelvis[:3, :3] @ shift
-            miss = self.miss(moved, hands)
+            miss = self.miss(moved, hands, least)
             if miss < least:
                 best, least = shift, miss
             if miss <= REACHED:

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import ImitorError
-from imitor.live.body_options import BodyConfig
+from imitor.live.body_options import BodyConfig, as_received
 from imitor.live.segment_body import SegmentBody
 from imitor.motion.bvh_hierarchy import Node
 from imitor.motion.kinematics import ancestry
@@ -88,10 +88,8 @@ def learn_bones(
     stance = find_stance(roles, rate_hz, height_m)
     turns, rest_position = rest(stance.flat)
     rest_position = rest_position * scale
-    floor, why = choose_floor(stance, "file" if options.floor == "sender" else options.floor)
-    for theirs in ("of the recording", "in the recording"):
-        why = why.replace(theirs, "at the sender")
-    notes.append(why.replace("file's", "sender's"))
+    floor, why = choose_floor(stance, options.recorded_floor)
+    notes.append(why)
     ankle_m, toe_m = foot_heights(stance, floor, height_m)
     rest_position[:, 2] += ankle_m - np.mean([role(rest_position, f"{s}_ankle")[2] for s in SIDES])
     if handedness(rest_position) < _MIRRORED:
@@ -115,7 +113,7 @@ def learn_bones(
         sex=options.sex,
         notes=tuple(notes),
     )
-    return body, skeleton
+    return body, as_received(skeleton)
 
 
 def _whole(seen: Bones, rig: Rig) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from typing import Any
 
 from imitor.errors import ImitorError
 from imitor.kinds import Source
+from imitor.live.sender import lacking
 from imitor.motion.skeletons import MAIN_ROLES
 
 
@@ -16,9 +17,8 @@ def check_sendable(protocol: str, source: Source[Any]) -> None:
         ImitorError: Says what is missing.
     """
     if "orientation" not in source.gives:
-        raise ImitorError(
-            f"'{protocol}' sends how segments are turned, and this recording ({source.name}) does not tell it; take "
-            "one of a skeleton, e.g. mvnx or bvh"
+        raise lacking(
+            protocol, source, "orientations of segments", "those of skeletons do, e.g. mvnx and bvh"
         )
     missing = [r for r in (*MAIN_ROLES, "chest") if not source.skeleton.has(r)]
     if missing:

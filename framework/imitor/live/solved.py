@@ -8,7 +8,7 @@ import numpy as np
 
 from imitor.kinds import Record
 from imitor.tasks import TaskStack
-from imitor.types import Array, BoolArray, Configuration, HumanFrame
+from imitor.types import Array, BoolArray, Configuration, HumanFrame, IntArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +22,7 @@ class Solved:
         q: Configuration, shape (nq,).
         contact: Feet that the robot stands on, shape (2,).
         status: Index into `STATUS`.
-        anchor, anchor_pose, target, switch, stack_contact: Of the tasks, as in `TaskStack`.
+        anchor, anchor_pose, target, switch, stack_contact, held, object_shift: Of the tasks, as in `TaskStack`.
         compute_s: Time spent on it [s].
         arrived_s: When its datagram arrived by the performance counter [s]; NaN when nothing new had.
         ready_s: When it was solved [s].
@@ -39,6 +39,8 @@ class Solved:
     target: Array
     switch: BoolArray
     stack_contact: BoolArray
+    held: IntArray
+    object_shift: Array
     compute_s: float
     arrived_s: float
     ready_s: float
@@ -50,7 +52,7 @@ class Solved:
         return cls(
             record.index, record.time_s, record.human, state.q.copy(), state.contact.copy(), state.status,
             stack.anchor, stack.anchor_pose.copy(), stack.flat_target.copy(), stack.flat_switch.copy(),
-            stack.contact.copy(), record.compute_s, arrived_s, ready_s,
+            stack.contact.copy(), stack.held.copy(), stack.object_shift.copy(), record.compute_s, arrived_s, ready_s,
         )  # fmt: skip
 
 
@@ -79,6 +81,8 @@ class Mirror:
         np.copyto(stack.flat_switch, solved.switch)
         np.copyto(stack.anchor_pose, solved.anchor_pose)
         np.copyto(stack.contact, solved.stack_contact)
+        np.copyto(stack.held, solved.held)
+        np.copyto(stack.object_shift, solved.object_shift)
         stack.anchor = solved.anchor
         np.copyto(self.state.contact, solved.contact)
         self.state.status = solved.status

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import ImitorError
+from imitor.live.forward import Chain
 from imitor.live.osc import OscWriter, bundles
 from imitor.live.quaternions import quaternions, rotations
 from imitor.live.vmc import BONE, BONES, PARENT, ROOT, STATE, TIME, VmcPose
@@ -45,11 +46,7 @@ class BoneTree:
             Node(BONES[i], parent, offset[k])
             for k, (i, parent) in enumerate(zip(self._rows, self._parent, strict=True))
         ]
-        depth = [0] * len(self._rows)
-        for k, parent in enumerate(self._parent):
-            depth[k] = depth[parent] + 1 if parent >= 0 else 0
-        levels = [[k for k, d in enumerate(depth) if d == level] for level in range(1, max(depth) + 1)]
-        self._levels = [(np.array(ks), np.array([self._parent[k] for k in ks])) for ks in levels]
+        self._chain = Chain(self._parent)
 
     def poses(self, pose: VmcPose) -> tuple[Array, Array]:
         """Return origins, shape (S, 3) [m], and world from bone, shape (S, 3, 3), in our world.
@@ -64,9 +61,7 @@ class BoneTree:
         turn, place = turn[:-1], place[:-1]
         place[0] = root_place + root @ place[0]
         turn[0] = root @ turn[0]
-        for here, above in self._levels:
-            place[here] = place[above] + (turn[above] @ place[here][..., None])[..., 0]
-            turn[here] = turn[above] @ turn[here]
+        self._chain.to_world(place, turn)
         return place, turn
 
 

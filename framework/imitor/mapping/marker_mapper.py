@@ -38,6 +38,7 @@ class MarkerMapper(Mapper[C]):
     Declares the poses of the hands, which are those of the scaled robot and so the person's, the posture with its
     joints, and the pose of its pelvis, which holds the place of the robot's: the waist is the anchor, over the
     place on the floor where the person's was in the calibration, facing the same way, as high as the robot stands.
+    So the robot is held at its pelvis, and no foot is in contact.
     """
 
     wants = frozenset({"targets"})
@@ -100,7 +101,7 @@ class MarkerMapper(Mapper[C]):
             scaled.position("waist"),
         )
         self._posture.target[:] = self.imitation.model.q[7:]
-        stack.contact[:] = True
+        stack.contact[:] = False  # the pelvis is held; the legs hang from it
         stack.anchor = "waist"
         stack.anchor_pose[:] = self._anchor
 

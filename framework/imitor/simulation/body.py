@@ -12,10 +12,11 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from imitor.environment import OBJECT_COLOUR, read_environment, triangles
 from imitor.errors import RobotError
+from imitor.robot.hands import hand_joints
 from imitor.robot.model import BASE_NQ, RobotModel
 from imitor.simulation.drives import GRAVITY, Drives, coupled_groups
+from imitor.simulation.things import FLOOR_BIT, GRASPABLE_BIT, PREFIX, ROBOT_BIT, Things
 from imitor.types import SIDES, Array, IntArray
 from imitor.visual.offscreen import import_mujoco
 
@@ -29,7 +30,9 @@ _POINT_RADIUS: Final = 0.025
 _LEAST_MASS_KG: Final = 1e-6
 _LEAST_INERTIA: Final = 1e-9
 """Links without mass get so little that nothing changes [kg m^2]."""
-_ROBOT_BIT, _FLOOR_BIT = 1, 2
+_HOLDER: Final = "holder"
+_STIFF: Final = (0.999, 0.9999, 0.001, 0.5, 2.0)
+"""Impedance of the hold on the base: it hardly gives."""
 
 Touch = Literal["points", "hulls"]
 
@@ -60,8 +63,10 @@ class Body:
         around: Floor and time step.
         visible: Whether the robot's visible surface is put on, for a window.
         environment: Objects around the robot, as a pipeline gives them; of a mesh its convex hull is felt.
+        held: Whether the base is held where the motion has it, as on a stand; else the robot is free.
 
     Attributes:
+        things: The objects.
         model: MuJoCo's model.
         kind: What each geom is: `OBJECT`, `FLOOR`, `LEFT`, `RIGHT` or `OTHER`, shape (ngeom,).
         geom_names: Names of the geoms; of a part the role or the joint it sits at.
@@ -79,14 +84,18 @@ class Body:
         *,
         visible: bool = False,
         environment: Sequence[Mapping[str, Any]] = (),
+        held: bool = False,
     ) -> None:
         self._mujoco = mujoco = import_mujoco()
-        self.robot, self.drives, self.around = robot, drives, around
+        self.robot, self.drives, self.around, self.held = robot, drives, around, held
+        self._hands = hand_joints(robot)
         spec = mujoco.MjSpec()
         _set_options(mujoco, spec, around)
         bodies = self._add_bodies(spec)
         _add_floor(mujoco, spec, around.friction)
-        _add_objects(mujoco, spec, environment, around.friction)
+        self.things = Things(mujoco, spec, robot, environment, _touching(around.friction))
+        if held:
+            _add_holder(mujoco, spec, robot.model.names[_BASE], around.step_s)
         self._add_soles(bodies)
         if around.touch == "hulls":
             self._add_surface(spec, bodies, "hull", felt=True)
@@ -100,6 +109,7 @@ class Body:
             self.model = spec.compile()
         except ValueError as error:
             raise RobotError(f"robot '{robot.name}': MuJoCo cannot simulate it: {error}") from None
+        self.things.compiled(self.model)
         joints = [self.model.joint(name).qposadr[0] for name in robot.joint_names]
         self._places = np.array([0, 1, 2, 4, 5, 6, 3, *joints])
         self._sole_bodies = [self.model.body(robot.model.names[joint]).id for joint, _, _ in self._soles]
@@ -114,16 +124,16 @@ class Body:
     @property
     def weight_n(self) -> float:
         """Weight of the robot [N]."""
-        return float(self.model.body_mass.sum()) * GRAVITY
+        return (float(self.model.body_mass.sum()) - self.things.mass_kg) * GRAVITY
 
     def qpos(self, q: Array) -> Array:
-        """Return MuJoCo's positions of Pinocchio configurations, shape (..., 7 + n)."""
-        out = np.empty_like(q)
+        """Return MuJoCo's positions of Pinocchio configurations, objects where they are written, shape (..., nq)."""
+        out = np.zeros((*q.shape[:-1], self.model.nq))
         out[..., self._places] = q
         return out
 
     def configuration(self, qpos: Array) -> Array:
-        """Return Pinocchio configurations of MuJoCo's positions, shape (..., 7 + n)."""
+        """Return Pinocchio configurations, shape (..., 7 + n), of MuJoCo's positions."""
         return np.asarray(qpos[..., self._places])
 
     def sole_corners(self, data: Any) -> Array:
@@ -181,7 +191,7 @@ class Body:
         up = np.array([0.0, 0.0, _CORNER_RADIUS_M])
         for side, (joint, R, p) in zip(SIDES, self._soles, strict=True):
             for k, corner in enumerate(self.robot.sole[SIDES.index(side)]):
-                self._ball(bodies[joint], f"sole/{side}/{k}", R @ (corner + up) + p, _CORNER_RADIUS_M)
+                self._ball(bodies, joint, f"sole/{side}/{k}", R @ (corner + up) + p, _CORNER_RADIUS_M)
 
     def _add_points(self, bodies: list[Any]) -> None:
         """Put a ball at every role's point, except on the feet."""
@@ -192,14 +202,17 @@ class Body:
             frame = robot.model.frames[robot.frame_id(role)]
             ankle = role.endswith(("_foot", "_ankle"))
             if not ankle and not role.startswith("mid_") and frame.parentJoint not in feet:
-                self._ball(bodies[frame.parentJoint], f"part/{role}", frame.placement.translation, radius)
+                self._ball(bodies, frame.parentJoint, f"part/{role}", frame.placement.translation, radius)
 
-    def _ball(self, body: Any, name: str, at: Array, radius: float) -> None:
-        body.add_geom(
+    def _ball(self, bodies: list[Any], joint: int, name: str, at: Array, radius: float) -> None:
+        bodies[joint].add_geom(
             name=name, type=self._mujoco.mjtGeom.mjGEOM_SPHERE, size=(radius, 0.0, 0.0), pos=at, mass=0.0,
-            contype=_ROBOT_BIT, conaffinity=_FLOOR_BIT, condim=3, group=3,
-            friction=(self.around.friction, 0.005, 0.0001),
+            contype=ROBOT_BIT, conaffinity=self._feels(joint), group=3, **_touching(self.around.friction),
         )  # fmt: skip
+
+    def _feels(self, joint: int) -> int:
+        """Return what the parts at a joint collide with, as contact bits."""
+        return FLOOR_BIT if joint in self._hands else FLOOR_BIT | GRASPABLE_BIT
 
     def _add_surface(self, spec: Any, bodies: list[Any], prefix: str, *, felt: bool) -> None:
         """Put the visible parts on; MuJoCo lets their convex hulls touch."""
@@ -217,9 +230,9 @@ class Body:
             mesh.userface = part.surface.faces.ravel().tolist()
             bodies[part.joint].add_geom(
                 name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{prefix}{k}", mass=0.0,
-                rgba=part.surface.rgba, contype=_ROBOT_BIT if felt else 0,
-                conaffinity=_FLOOR_BIT if felt else 0, group=3 if felt else 1,
-                friction=(self.around.friction, 0.005, 0.0001),
+                rgba=part.surface.rgba, contype=ROBOT_BIT if felt else 0,
+                conaffinity=self._feels(part.joint) if felt else 0, group=3 if felt else 1,
+                **_touching(self.around.friction),
             )  # fmt: skip
 
     def _add_servos(self, spec: Any) -> None:
@@ -273,23 +286,25 @@ def _set_inertia(body: Any, inertia: Any) -> None:
 
 def _add_floor(mujoco: Any, spec: Any, friction: float) -> None:
     spec.worldbody.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 1.0), contype=_FLOOR_BIT,
-        conaffinity=_ROBOT_BIT, condim=3, friction=(friction, 0.005, 0.0001), rgba=(0.9, 0.91, 0.93, 1.0),
+        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=(0.0, 0.0, 1.0), contype=FLOOR_BIT,
+        conaffinity=ROBOT_BIT, rgba=(0.9, 0.91, 0.93, 1.0), **_touching(friction),
     )  # fmt: skip
 
 
-def _add_objects(mujoco: Any, spec: Any, environment: Sequence[Mapping[str, Any]], friction: float) -> None:
-    """Put the objects into the world, where the robot's geoms touch them and the floor does not."""
-    for k, item in enumerate(read_environment(environment)):
-        vertices, faces = triangles(item)
-        mesh = spec.add_mesh(name=f"object{k}", inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
-        mesh.uservert = vertices.ravel().tolist()
-        mesh.userface = faces.ravel().tolist()
-        spec.worldbody.add_geom(
-            name=f"object/{item.name}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"object{k}",
-            contype=_FLOOR_BIT, conaffinity=_ROBOT_BIT, condim=3, friction=(friction, 0.005, 0.0001),
-            rgba=OBJECT_COLOUR,
-        )  # fmt: skip
+def _touching(friction: float) -> dict[str, Any]:
+    """Return how a geom touches another."""
+    return {"condim": 3, "friction": (friction, 0.005, 0.0001)}
+
+
+def _add_holder(mujoco: Any, spec: Any, base: str, step_s: float) -> None:
+    """Weld the base to a body that goes where it is told."""
+    spec.worldbody.add_body(name=_HOLDER, mocap=True)
+    pose = np.zeros(mujoco.mjNEQDATA)
+    pose[[6, 10]] = 1.0  # no rotation between the two, and full torque
+    spec.add_equality(
+        name=_HOLDER, type=mujoco.mjtEq.mjEQ_WELD, objtype=mujoco.mjtObj.mjOBJ_BODY, name1=_HOLDER, name2=base,
+        data=pose, solref=(2.0 * step_s, 1.0), solimp=_STIFF,
+    )  # fmt: skip
 
 
 def _add_light(mujoco: Any, spec: Any) -> None:
@@ -301,7 +316,7 @@ def _add_light(mujoco: Any, spec: Any) -> None:
 def _kind(name: str) -> int:
     if name.startswith("sole/"):
         return LEFT if "/left/" in name else RIGHT
-    if name.startswith("object/"):
+    if name.startswith(PREFIX):
         return OBJECT
     return FLOOR if name == "floor" else OTHER
 

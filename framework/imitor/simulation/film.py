@@ -59,6 +59,8 @@ def save_arrays(path: Path, trace: Trace, robot: RobotModel) -> None:
             "peak_torque_nm": trace.peak_torque,
             "zmp_m": trace.zmp,
             "vertical_force_n": trace.force,
+            "object_shift_m": trace.object_shift,
+            "held_object": trace.held,
             "fallen": np.arange(len(trace.time_s))
             >= (len(trace.time_s) if trace.fall is None else trace.fall.frame),
         },

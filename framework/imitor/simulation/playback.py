@@ -11,11 +11,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from imitor.record import Motion
+from imitor.record import Motion, Reference
 from imitor.robot.model import BASE_NQ
-from imitor.simulation.body import FLOOR, OTHER, Body
+from imitor.simulation.body import FLOOR, LEFT, OTHER, Body
 from imitor.simulation.verdict import Fall, FallRule, tilt
-from imitor.types import Array, BoolArray
+from imitor.types import Array, BoolArray, IntArray
 from imitor.visual.offscreen import import_mujoco
 
 _ASKED_TO_TOUCH_M: Final = 0.02
@@ -32,7 +32,7 @@ class Trace:
     Attributes:
         time_s: Times of the commands, shape (T,) [s].
         q: Pinocchio configurations, shape (T, 7 + n).
-        q_asked: The commands, base set down on the floor, shape (T, 7 + n).
+        q_asked: The commands, base set down on the floor unless it is held, shape (T, 7 + n).
         torque: Of the servos, shape (T, n) [N m].
         peak_torque: Largest since the frame before, absolute, shape (T, n) [N m].
         saturated: Share of the steps since the frame before with some servo at its limit, shape (T,) [-].
@@ -41,6 +41,9 @@ class Trace:
         zmp: Centre of pressure on the floor, mean since the frame before weighted by force, shape (T, 2) [m]; NaN
             in the air.
         sole: Sole corners, shape (T, 2, K, 3) [m].
+        object_shift: How far each object is from where it was, shape (T, K, 3) [m], and where it was to be,
+            `object_shift_asked`.
+        held: Number of the object that each hand holds, -1 for none, shape (T, 2), and was to hold, `held_asked`.
         fall: When and how it fell, or ``None``.
         step_s: Time step [s].
         real_time_factor: Simulated time by computing time [-].
@@ -55,6 +58,10 @@ class Trace:
     force: Array
     zmp: Array
     sole: Array
+    object_shift: Array
+    object_shift_asked: Array
+    held: IntArray
+    held_asked: IntArray
     fall: Fall | None
     step_s: float
     real_time_factor: float
@@ -68,6 +75,8 @@ def play(
     rule: FallRule | None = None,
     velocity_reference: bool = True,
     observer: Observer | None = None,
+    reference: Reference | None = None,
+    reach_m: float = 0.0,
 ) -> Trace:
     """Execute a motion, from its first command with the soles on the floor to its last.
 
@@ -78,9 +87,12 @@ def play(
         rule: What counts as a fall.
         velocity_reference: Whether the servos damp the deviation from the commanded speed, or all speed.
         observer: Called after every step.
+        reference: Says which hand is to hold which object, and where objects are to go; none: hands hold nothing.
+        reach_m: How near its surface a hand takes an object that it is to hold; 0 takes none [m].
     """
-    with _silent(import_mujoco()):
+    with silent(import_mujoco()):
         run = _Run(body, motion, rule or FallRule(), velocity_reference, observer)
+        run.grasp(reference, reach_m)
         return run.execute(settle_s)
 
 
@@ -117,8 +129,23 @@ class _Run:
         self._sole = np.empty((frames, *body.robot.sole.shape))
         self._fall: Fall | None = None
 
+    def grasp(self, reference: Reference | None, reach_m: float) -> None:
+        """Tell which hand is to hold what, and from how near."""
+        frames, names = len(self._time), self._body.things.names
+        self._reach_m = reach_m
+        self._shift = np.zeros((frames, len(names), 3))
+        self._shift_asked, self._held_asked = np.zeros_like(self._shift), np.full((frames, 2), -1)
+        self._held = self._held_asked.copy()
+        if reference is not None and list(reference.object_names) == names:
+            self._shift_asked, self._held_asked = reference.object_shift_m, reference.held_object
+
     def _set_down(self) -> None:
-        """Put the lowest sole corner of the first command on the floor; the whole motion moves along."""
+        """Put the lowest sole corner of the first command on the floor; the whole motion moves along.
+
+        A base that is held stays where it is asked for.
+        """
+        if self._body.held:
+            return
         data = self._data
         data.qpos[:] = self._body.qpos(self._asked[0])
         self._mujoco.mj_kinematics(self._model, data)
@@ -163,7 +190,8 @@ class _Run:
         simulated = (len(hold) + self._steps[-1]) * self._step_s
         return Trace(
             self._time, self._q, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
-            self._sole, self._fall, self._step_s, float(simulated / taken),
+            self._sole, self._shift, self._shift_asked, self._held, self._held_asked, self._fall, self._step_s,
+            float(simulated / taken),
         )  # fmt: skip
 
     def _advance(self, targets: Array, frame: int) -> None:
@@ -176,6 +204,10 @@ class _Run:
         force, moment = np.zeros(3), np.zeros(2)
         touching = np.zeros(model.ngeom, dtype=bool)
         peak, saturated = self._peak[frame], 0
+        if self._body.held:
+            data.mocap_pos[0], data.mocap_quat[0] = self._asked[frame, :3], self._asked[frame, [6, 3, 4, 5]]
+        if self._reach_m:
+            self._body.things.hold(model, data, self._held_asked[frame], self._reach_m)
         for target in targets:
             data.ctrl[:] = target
             mujoco.mj_step(model, data)
@@ -185,11 +217,11 @@ class _Run:
             if data.ncon:
                 contact = data.contact
                 normal = data.efc_force[contact.efc_address]
-                geom = contact.geom.max(
-                    axis=1
-                )  # floor and objects are the first geoms, the robot's come after
+                first, second = contact.geom.T
+                mine = kind[first] >= LEFT
+                geom, other = np.where(mine, first, second), np.where(mine, second, first)
                 # a sole may stand on an object; what else touches one neither carries the robot nor is a fall
-                counts = (kind[contact.geom.min(axis=1)] == FLOOR) | (kind[geom] != OTHER)
+                counts = (kind[other] == FLOOR) | (kind[geom] != OTHER)
                 geom, normal = geom[counts], normal[counts]
                 force += np.bincount(kind[geom], normal, 3)
                 moment += normal @ contact.pos[counts, :2]
@@ -216,6 +248,8 @@ class _Run:
         self._q[frame] = self._body.configuration(data.qpos)
         self._torque[frame] = data.actuator_force
         self._sole[frame] = self._body.sole_corners(data)
+        self._shift[frame] = self._body.things.shift(data.qpos)
+        self._held[frame] = self._body.things.holding(data)
         if self._fall is not None:
             return
         strange = touching & (self._body.kind == OTHER) & ~self._may_touch[frame]
@@ -235,6 +269,7 @@ class _Run:
         before = max(frame - 1, 0)
         self._q[frame] = self._q[before] if frame else self._asked[0]
         self._sole[frame] = self._sole[before] if frame else 0.0
+        self._shift[frame], self._held[frame] = self._shift[before], self._held[before]
         self._torque[frame] = self._peak[frame] = self._force[frame] = 0.0
         self._zmp[frame] = np.nan
 
@@ -243,7 +278,7 @@ class _Run:
 
 
 @contextlib.contextmanager
-def _silent(mujoco: Any) -> Iterator[None]:
+def silent(mujoco: Any) -> Iterator[None]:
     """Keep MuJoCo from writing its warnings into a file of the current folder."""
     mujoco.set_mju_user_warning(lambda _message: None)
     try:
@@ -252,4 +287,4 @@ def _silent(mujoco: Any) -> Iterator[None]:
         mujoco.set_mju_user_warning(None)
 
 
-__all__ = ["Observer", "Trace", "fitting_step", "play"]
+__all__ = ["Observer", "Trace", "fitting_step", "play", "silent"]

@@ -119,8 +119,36 @@ def figures(trace: Trace, body: Body) -> dict[str, Any]:
         "real_time_factor": trace.real_time_factor,
         "step_s": trace.step_s,
         "notes": list(body.drives.notes),
+        "base_held": body.held,
+        "zmp_inside_share": None,
     }
-    return out | _balance(trace, body, rows)
+    if not body.held:
+        out |= _balance(trace, body, rows)
+    moved = _objects(trace, body, rows)
+    return out | ({"objects": moved} if moved else {})
+
+
+def _objects(trace: Trace, body: Body, rows: slice) -> dict[str, Any]:
+    """Return of each object that slides how far it was opened, of what was asked for, and for how long it was held."""
+    out = {}
+    for k, name in enumerate(body.things.names):
+        if body.things.carrier[k] != k:
+            continue
+        asked, opened = (
+            np.linalg.norm(s[rows, k], axis=1) for s in (trace.object_shift_asked, trace.object_shift)
+        )
+        parts = [i for i, c in enumerate(body.things.carrier) if c == k]
+        wanted, held = (np.isin(h[rows], parts) for h in (trace.held_asked, trace.held))
+        out[name] = {
+            "asked_m": float(asked.max()),
+            "opened_m": float(opened.max()),
+            "opened_share": float(opened.max() / asked.max()) if asked.any() else None,
+            "error_m": _errors(np.abs(opened - asked)),
+            "left_open_m": float(opened[-1]),
+            "asked_held_hand_frames": int(wanted.sum()),
+            "held_hand_frames": int((held & wanted).sum()),
+        }
+    return out
 
 
 def _balance(trace: Trace, body: Body, rows: slice) -> dict[str, Any]:

@@ -25,14 +25,19 @@ def check_display() -> None:
 
 
 class Window:
-    """MuJoCo's viewer, fed after every step; once a person closes it the simulation runs on at full speed."""
+    """MuJoCo's viewer, fed after every step; once a person closes it the simulation runs on at full speed.
 
-    def __init__(self) -> None:
+    Args:
+        paced: Whether it waits for real time to catch up; where somebody else keeps time it need not.
+    """
+
+    def __init__(self, *, paced: bool = True) -> None:
+        self._paced = paced
         self._viewer: Any = None
         self._begin_s = self._shown_s = 0.0
 
     def __call__(self, model: Any, data: Any) -> None:
-        """Show the state when the next picture is due, and wait for real time to catch up."""
+        """Show the state when the next picture is due."""
         if self._viewer is None:
             self._viewer = _launch(model, data)
             self._begin_s = time.perf_counter() - data.time
@@ -40,7 +45,8 @@ class Window:
             return
         self._shown_s = data.time
         self._viewer.sync()
-        time.sleep(max(0.0, data.time - (time.perf_counter() - self._begin_s)))
+        if self._paced:
+            time.sleep(max(0.0, data.time - (time.perf_counter() - self._begin_s)))
 
     def close(self) -> None:
         """Close the window; safe to call again."""

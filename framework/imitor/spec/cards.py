@@ -106,7 +106,7 @@ def check_robot(
 def check_environment(
     environment: Sequence[Box | Cylinder | Mesh], document: Document, folder: Path | None
 ) -> tuple[list[dict[str, Any]], list[Problem]]:
-    """Look for mesh files and for names that are used twice.
+    """Look for mesh files, names that are used twice, and what moves with what.
 
     Args:
         environment: The objects, each valid on its own.
@@ -117,12 +117,19 @@ def check_environment(
         The objects as plain data with complete paths, and what is wrong with them.
     """
     found, problems, names = [], [], set()
+    sliding = [item.name for item in environment if item.slide is not None]
     for i, item in enumerate(environment):
         data = item.model_dump(mode="json", exclude_none=True)
         if item.name in names:
             message = f"another object is called '{item.name}'"
             problems.append(document.problem(("environment", i, "name"), message, "give each its own name"))
         names.add(item.name)
+        if item.part_of is not None and (item.part_of not in sliding or item.slide is not None):
+            message = f"no other object that slides is called '{item.part_of}'"
+            if item.slide is not None:
+                message = "an object with a slide of its own is part of no other"
+            hint = f"those that slide: {', '.join(sliding) or 'none'}"
+            problems.append(document.problem(("environment", i, "part_of"), message, hint))
         if isinstance(item, Mesh):
             path = ((folder or Path()) / item.path.expanduser()).resolve()
             if not path.is_file():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,6 +29,7 @@ class Clip:
         human: Role positions, shape (T, R, 3) [m]; NaN where not known.
         human_valid: shape (T, R).
         human_com: shape (T, 3) [m], NaN where not known.
+        object_shift: How far each object around the robot was moved, shape (T, K, 3) [m].
     """
 
     time_s: Array
@@ -41,9 +42,15 @@ class Clip:
     human: Array
     human_valid: BoolArray
     human_com: Array
+    object_shift: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    def shifts(self, count: int) -> Array:
+        """Return how far each of ``count`` objects was moved, (T, count, 3) [m]; zeros where the run knew of none."""
+        known = self.object_shift.shape[1] == count
+        return self.object_shift if known else np.zeros((len(self), count, 3))
 
     def support_polygon(self, i: int) -> list[Point]:
         """Return the corners of the hull of the feet that stand in frame ``i`` [m]; may be empty."""
@@ -121,6 +128,7 @@ def make_clip(
         human=human,
         human_valid=valid & np.isfinite(human).all(axis=2),
         human_com=reference.human_com_m[rows],
+        object_shift=reference.object_shift_m[rows],
     )
 
 

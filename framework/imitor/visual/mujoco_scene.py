@@ -27,6 +27,7 @@ class Scene:
 
     Args:
         parts: From `imitor.visual.geometry.robot_parts`.
+        objects: From `imitor.visual.geometry.object_parts`.
         size: Largest picture, width and height [px].
         field_of_view: Vertical opening angle of the camera [rad].
         azimuth: Direction of view [rad]; the light comes from over the camera's shoulder.
@@ -37,7 +38,13 @@ class Scene:
     """
 
     def __init__(
-        self, parts: Sequence[Part], size: tuple[int, int], field_of_view: float, azimuth: float, reach: float
+        self,
+        parts: Sequence[Part],
+        objects: Sequence[Part],
+        size: tuple[int, int],
+        field_of_view: float,
+        azimuth: float,
+        reach: float,
     ) -> None:
         self._mujoco = mujoco = import_mujoco()
         spec = mujoco.MjSpec()
@@ -49,10 +56,15 @@ class Scene:
             body = spec.worldbody.add_body(name=f"joint{joint}", mocap=True)
             for k, part in enumerate(p for p in parts if p.joint == joint):
                 _add_part(mujoco, spec, body, f"part{joint}_{k}", part)
+        for k, part in enumerate(objects):
+            body = spec.worldbody.add_body(name=f"object{k}", mocap=True)
+            _add_part(mujoco, spec, body, f"object{k}", part)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         bodies = [self.model.body(f"joint{j}").id for j in self._joints]
         self._rows = self.model.body_mocapid[bodies]
+        things = [self.model.body(f"object{k}").id for k in range(len(objects))]
+        self._things = self.model.body_mocapid[np.array(things, dtype=int)]
         self._lamp = self.model.body_mocapid[self.model.body("lamp").id]
 
     def allow(self, size: tuple[int, int]) -> None:
@@ -60,17 +72,19 @@ class Scene:
         settings = self.model.vis.global_
         settings.offwidth, settings.offheight = size
 
-    def pose(self, position: Array, quaternion: Array, target: Array) -> None:
+    def pose(self, position: Array, quaternion: Array, target: Array, shift: Array) -> None:
         """Put the parts in place and the light over the point looked at.
 
         Args:
             position: Origins of all joints, shape (J, 3) [m].
             quaternion: Their rotations x y z w, shape (J, 4).
             target: Point looked at, shape (3,) [m].
+            shift: How far each object was moved, shape (K, 3) [m].
         """
         data = self.data
         data.mocap_pos[self._rows] = position[self._joints]
         data.mocap_quat[self._rows] = quaternion[self._joints][:, [3, 0, 1, 2]]
+        data.mocap_pos[self._things] = shift
         data.mocap_pos[self._lamp, :2] = target[:2]
         self._mujoco.mj_kinematics(self.model, data)
         self._mujoco.mj_camlight(self.model, data)

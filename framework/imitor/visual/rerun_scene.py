@@ -94,9 +94,12 @@ class RerunScene:
             stream.send_columns(path, self._time, columns)
 
     def _send_objects(self) -> None:
-        for name, part in zip(self._object_names, self._objects, strict=True):
+        shifts = self._clip.shifts(len(self._objects)).swapaxes(0, 1)
+        for name, part, shift in zip(self._object_names, self._objects, shifts, strict=True):
             path = self._rr.new_entity_path(["world", "environment", name])
             self._stream.log(path, self._mesh(part), static=True)
+            if shift.any():
+                self._stream.send_columns(path, self._time, self._rr.Transform3D.columns(translation=shift))
 
     def _mesh(self, part: Part) -> Any:
         surface = part.surface

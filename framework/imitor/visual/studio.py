@@ -74,8 +74,11 @@ class Studio:
         self._human = clip.human + layout.shift
         human_points = human_points + layout.shift
         self.view = view = camera.frame_all(clip, robot_points, human_points, layout, size[0] / size[1])
-        parts = [*parts, *object_parts(environment)]
-        self._scene = Scene(parts, size, camera.FIELD_OF_VIEW, view.azimuth, view.reach + _SHADOW_ROOM)
+        objects = object_parts(environment)
+        self._shifts = clip.shifts(len(objects))
+        self._scene = Scene(
+            parts, objects, size, camera.FIELD_OF_VIEW, view.azimuth, view.reach + _SHADOW_ROOM
+        )
         self._offscreen = self._new_offscreen(size)
 
     def __len__(self) -> int:
@@ -97,7 +100,7 @@ class Studio:
     def picture(self, i: int) -> NDArray[np.uint8]:
         """Render one frame, shape (height, width, 3)."""
         clip, target = self._clip, self.view.target[i]
-        self._scene.pose(clip.joint_position[i], clip.joint_quaternion[i], target)
+        self._scene.pose(clip.joint_position[i], clip.joint_quaternion[i], target, self._shifts[i])
         self._offscreen.camera.lookat[:] = target
         self._offscreen.look(self._scene.data)
         pencil = Pencil(self._offscreen.scene)
