@@ -22,12 +22,14 @@ from imitor.errors import ImitorError, SourceError
 from imitor.human.rotations import about_x, about_y, about_z
 from imitor.live.natnet import CONNECT, FRAME, KEEPALIVE, MODELDEF, REQUEST_MODELDEF, SERVERINFO, message, who
 from imitor.live.natnet_decoder import NatNetDecoder, NatNetPose
-from imitor.live.natnet_frame import BODY, read_frame
+from imitor.live.natnet_frame import BODY, read_frame, read_marker_sets
 from imitor.live.natnet_model import Bone, SkeletonModel, read_model
 from imitor.live.natnet_sender import NatNetEncoder
 from imitor.live.quaternions import quaternions, rotations
 from imitor.live.sample import Foreign, Malformed, Sample
+from imitor.live.stream import Network
 from imitor.plugins.sources.optitrack import Optitrack, OptitrackConfig
+from imitor.plugins.sources.performer import Performer
 from imitor.types import ROLE_INDEX, HumanFrame
 from known import known
 from live_people import heard
@@ -359,7 +361,73 @@ def test_names_of_other_conventions_are_found() -> None:
     assert source.skeleton.name == "mixamo"
     check_same(sent, source, [source.human(s, 0.0) for s in samples])
     with pytest.raises(SourceError, match="skeleton 'performer': skeleton 'motive' does not fit"):
-        learned(live(card="motive"), samples)
+        learned(live(skeleton="motive"), samples)
+
+
+# ---------------------------------------------------------------- markers
+
+
+def marked(**options: Any) -> Any:
+    return performer("wave", markers="41", **options)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_independent_client_reads_the_same_markers(version: tuple[int, int]) -> None:
+    pytest.importorskip("natnet")
+    from natnet.data_descriptions import DataDescriptions
+    from natnet.data_frame import DataFrame
+    from natnet.packet_buffer import PacketBuffer
+    from natnet.version import Version
+
+    sent = marked()
+    f = frame_of(sent)
+    _, model, frame = NatNetEncoder(sent.skeleton, 60.0, version).encode(f, 0)
+    described = DataDescriptions.read_from_buffer(PacketBuffer(model[4:]), Version(*version))
+    assert described.marker_sets[0].marker_names == tuple(sent.skeleton.marker_names)
+    assert [s.name for s in described.skeletons] == ["performer"]
+    (theirs,) = DataFrame.read_from_buffer(PacketBuffer(frame[4:]), Version(*version)).marker_sets
+    assert theirs.model_name == "performer"
+    np.testing.assert_allclose(np.array(theirs.marker_pos_list)[:, [2, 0, 1]], known(f.marker), atol=1e-6)
+    ours = read_marker_sets(frame[4:], version)["performer"]
+    np.testing.assert_array_equal(ours, np.array(theirs.marker_pos_list, np.float32))
+
+
+class MarkersAlone(Performer):
+    """A performer of whom nothing but markers is known."""
+
+    gives = frozenset({"markers"})
+
+
+@pytest.mark.parametrize("kind", [Performer, MarkersAlone])
+def test_markers_streamed_are_the_markers(kind: type[Performer]) -> None:
+    sent = kind(marked(loss=0.05, seed=3).config)
+    sent.start()
+    source = live(body="markers")
+    got = received(source, sent, 120, learn=60)
+    assert len(got) == 120
+    assert source.skeleton.name == "cmu_41"
+    order = [list(sent.skeleton.marker_names).index(n) for n in source.skeleton.marker_names]
+    for f, g in zip(sent.frames(), got, strict=False):
+        np.testing.assert_allclose(known(g.marker), known(f.marker)[order], atol=1e-6)
+        np.testing.assert_array_equal(g.marker_valid, known(f.marker_valid)[order])
+    truth = sent.truth.position
+    for role in ("left_knee", "right_elbow", "pelvis", "left_hip"):
+        found = np.array([g.position[ROLE_INDEX[role]] for g in got])
+        assert np.nanmedian(np.linalg.norm(found - truth[:120, ROLE_INDEX[role]], axis=1)) < 0.02
+
+
+def test_markers_keep_the_contract_of_a_live_source() -> None:
+    testing.check_component(Optitrack, {"body": "markers"})
+
+
+def test_a_marker_set_that_is_not_there_is_told() -> None:
+    decoder = NatNetDecoder("Anna", markers=True)
+    for packet in NatNetEncoder(marked().skeleton, 60.0).encode(frame_of(marked()), 0):
+        assert decoder.decode(packet) is None
+    assert decoder.lacking() == (
+        "1 frames came, but without markers of a set that is described ('performer'): tick Labeled Markers in Motive, "
+        "or set asset"
+    )
 
 
 # ---------------------------------------------------------------- the handshake
@@ -489,6 +557,24 @@ def test_frames_of_a_server_that_is_not_asked_say_what_is_missing() -> None:
     assert told == [
         "5 frames came, but the sender did not tell its version: set server to the address of Motive, or version"
     ]
+
+
+def test_a_server_that_is_no_machine_is_told() -> None:
+    with pytest.raises(
+        ImitorError, match=r"no machine is known as server 'nowhere\.invalid'; give its address"
+    ):
+        live(server="nowhere.invalid").start()
+
+
+def test_over_a_bad_network() -> None:
+    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
+    with heard(Optitrack, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
+        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
+        r = source.reception
+        assert len(frames) == 100
+        assert min(r.duplicated, r.reordered) > 0
+        assert r.malformed == r.foreign == 0
+        assert np.diff([f.time_s for f in frames]).min() > 0
 
 
 def test_over_a_socket() -> None:

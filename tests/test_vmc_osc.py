@@ -18,6 +18,7 @@ from imitor.human.rotations import about_x, about_y, about_z
 from imitor.live.osc import OscReader, bundles
 from imitor.live.quaternions import quaternions
 from imitor.live.sample import BadDatagram, Foreign, Malformed, Sample
+from imitor.live.stream import Network
 from imitor.live.vmc import BONES, VmcDecoder, VmcPose
 from imitor.live.vmc_body import FROM_UNITY, BoneTree
 from imitor.plugins.sources.vmc_osc import VmcOsc, VmcOscConfig
@@ -153,6 +154,20 @@ def test_the_state_alone_ends_an_instant() -> None:
     samples = decoded(VmcDecoder(), [bone("Hips"), bone("Head"), STATE, bone("Hips"), STATE])
     assert [bones_told(s) for s in samples] == [{"Hips", "Head"}, {"Hips"}]
     assert np.isnan(samples[0].time_s)
+
+
+def test_a_clock_before_the_bones_does_not_delay_them() -> None:
+    packets = []
+    for i in range(4):
+        packets += [bundle(STATE, clock(10 + i / 64), root(i, 0, 0), bone("Hips")), bundle(bone("Head"))]
+    decoder = VmcDecoder()
+    samples = [decoder.decode(p) for p in packets]
+    assert [s is not None for s in samples] == [False, False, True, True, False, True, False, True]
+    told = [s for s in samples if s is not None]
+    assert [s.time_s for s in told] == [10 + i / 64 for i in range(4)]
+    assert [s.body.root[0] for s in told] == [0, 1, 2, 3]
+    assert all(bones_told(s) == {"Hips", "Head"} for s in told)
+    assert decoder.decode(packets[-1]) is None
 
 
 def test_of_a_sender_without_a_clock_the_next_root_or_the_last_bone_ends_an_instant() -> None:
@@ -380,6 +395,17 @@ def test_a_stream_without_a_body_is_refused() -> None:
         source.learn(decoded(VmcDecoder(), [bone("Head"), STATE] * 5))
     with pytest.raises(ImitorError, match=r"the avatar has no bone LeftUpperArm, .*; a body needs them"):
         source.learn(decoded(VmcDecoder(), [bone("Hips"), STATE] * 5))
+
+
+def test_over_a_bad_network() -> None:
+    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
+    with heard(VmcOsc, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
+        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
+        r = source.reception
+        assert len(frames) == 100
+        assert min(r.duplicated, r.reordered) > 0
+        assert r.malformed == r.foreign == 0
+        assert np.diff([f.time_s for f in frames]).min() > 0
 
 
 def test_over_a_socket() -> None:

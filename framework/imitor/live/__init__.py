@@ -7,4 +7,9 @@
 | `receiver` | one thread reads a socket, counts what is wrong, keeps the newest |
 | `source` | the base of live sources |
 | `sender` | what `imitor stream` needs of a protocol |
+| `segment_body`, `bone_body`, `forward` | from the poses of a sender's segments to human frames |
+| `xsens_wire`, `xsens_null_pose`, `xsens_body`, `xsens_sender` | network streaming of Xsens MVN |
+| `osc`, `vmc`, `vmc_body` | the VMC protocol |
+| `natnet`, `natnet_frame`, `natnet_model`, `natnet_decoder`, `natnet_body`, `natnet_sender` | OptiTrack's NatNet |
+| `asker` | asks a sender from the socket that listens |
 """

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +23,15 @@ from imitor.live.natnet import (
     server_version,
     who,
 )
-from imitor.live.natnet_frame import read_frame
+from imitor.live.natnet_frame import read_frame, read_marker_sets
 from imitor.live.natnet_model import Model, SkeletonModel, read_model
 from imitor.live.sample import Foreign, Sample
+from imitor.types import Array
+
+ALL_MARKERS: Final = "all"
+"""Motive's set of every marker there is."""
+FARTHEST_M: Final = 1000.0
+"""A marker beyond this is lost [m]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,12 +47,26 @@ class NatNetPose:
     bodies: NDArray[np.void]
 
 
+@dataclass(frozen=True, slots=True)
+class NatNetMarkers:
+    """One instant of one marker set.
+
+    Attributes:
+        labels: Names of its markers, the same object as long as they do not change.
+        position: Where they are, shape (M, 3) [m], in the sender's axes; NaN where lost.
+    """
+
+    labels: tuple[str, ...]
+    position: Array
+
+
 class NatNetDecoder:
     """Decodes frames once version and model are told; both may be asked for, or come by themselves.
 
     Args:
-        skeleton: Name of the skeleton to take; empty: the first.
+        wanted: Name of the skeleton or marker set to take; empty: the first.
         version: The sender's version, where it cannot be asked; ``None``: as it tells.
+        markers: Whether a marker set is taken, not a skeleton.
 
     Attributes:
         version: What the sender told or was given.
@@ -53,13 +74,14 @@ class NatNetDecoder:
         unread: Frames that came before that.
     """
 
-    def __init__(self, skeleton: str = "", version: Version | None = None) -> None:
-        self._wanted, self._given = skeleton, version
+    def __init__(self, wanted: str = "", version: Version | None = None, *, markers: bool = False) -> None:
+        self._wanted, self._given, self._markers = wanted, version, markers
         self.version = version
         self.model: Model | None = None
         self.unread = 0
         self._changed = False
         self._chosen: SkeletonModel | None = None
+        self._set = ""
 
     def reset(self) -> None:
         """Nothing is collected: an instant is one datagram."""
@@ -75,11 +97,16 @@ class NatNetDecoder:
         elif number == MODELDEF and self.version is not None:
             self.model = read_model(content, self.version)
             self._changed = False
-            of_name = [s for s in self.model.skeletons if self._wanted in ("", s.name)]
-            self._chosen = of_name[0] if of_name else None
+            self._choose(self.model)
         elif number == FRAME:
             return self._frame(content)
         return None
+
+    def _choose(self, model: Model) -> None:
+        of_name = [s for s in model.skeletons if self._wanted in ("", s.name)]
+        self._chosen = of_name[0] if of_name else None
+        sets = [s for s in model.marker_sets if self._wanted == s or not (self._wanted or s == ALL_MARKERS)]
+        self._set = sets[0] if sets else ""
 
     def _frame(self, content: bytes) -> Sample | None:
         if self.version is None or self.model is None:
@@ -87,11 +114,25 @@ class NatNetDecoder:
             return None
         frame = read_frame(content, self.version)
         self._changed |= frame.models_changed
+        if self._markers:
+            body = self._marker_set(content, self.model, self.version)
+            return None if body is None else Sample(frame.number, frame.time_s, body)
         if self._chosen is None or self._chosen.number not in frame.skeletons:
             self.unread += 1
             return None
         bodies = frame.skeletons[self._chosen.number]
         return Sample(frame.number, frame.time_s, NatNetPose(self._chosen, bodies))
+
+    def _marker_set(self, content: bytes, model: Model, version: Version) -> NatNetMarkers | None:
+        told, labels = read_marker_sets(content, version).get(self._set), model.marker_sets.get(self._set, ())
+        if told is None or len(told) != len(labels):
+            self.unread += 1
+            return None
+        with np.errstate(invalid="ignore"):
+            position = told.astype(np.float64)
+            lost = ~(np.abs(position) < FARTHEST_M).all(axis=1) | (position == 0.0).all(axis=1)
+        position[lost] = np.nan
+        return NatNetMarkers(labels, position)
 
     def requests(self) -> Sequence[bytes]:
         """Return what is to be sent to the sender now: what is not known is asked for, and that somebody listens."""
@@ -111,6 +152,12 @@ class NatNetDecoder:
             )
         if self.model is None:
             return came + "the sender did not describe its skeletons: set server to the address of Motive"
+        if self._markers:
+            sets = ", ".join(f"'{s}'" for s in self.model.marker_sets) or "none"
+            return (
+                came
+                + f"without markers of a set that is described ({sets}): tick Labeled Markers in Motive, or set asset"
+            )
         names = ", ".join(f"'{s.name}'" for s in self.model.skeletons)
         if not names:
             return came + "without a skeleton: create one in Motive, and tick Skeletons under Streaming"
@@ -119,4 +166,4 @@ class NatNetDecoder:
         return came + f"without the skeleton '{self._chosen.name}': tick Skeletons under Streaming in Motive"
 
 
-__all__ = ["NatNetDecoder", "NatNetPose"]
+__all__ = ["NatNetDecoder", "NatNetMarkers", "NatNetPose"]

@@ -33,6 +33,8 @@ _PARAMS: Final = struct.Struct("<h")
 _SECONDS: Final = struct.Struct("<d")
 _SECONDS_2: Final = struct.Struct("<f")
 _VECTOR: Final = 12
+_PLACE: Final = packed(("position", "<f4", 3))
+_LEAST_SET: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +76,19 @@ def read_frame(content: bytes, version: Version) -> NatNetFrame:
     return NatNetFrame(number, time_s, skeletons, markers, changed)
 
 
+def read_marker_sets(content: bytes, version: Version) -> dict[str, NDArray[np.float32]]:
+    """Return the marker sets of a frame by name, shape (M, 3) each [m of the sender]; see `read_frame`."""
+    c = Cursor(content)
+    c.skip(_I.size)
+    n = c.count(_LEAST_SET)
+    c.skip(_I.size if version >= (4, 1) else 0)
+    out = {}
+    for _ in range(n):
+        name = c.text()
+        out[name] = c.items(_PLACE, c.count(_VECTOR))["position"]
+    return out
+
+
 def _sized_sections(c: Cursor, version: Version) -> tuple[dict[int, NDArray[np.void]], NDArray[np.void]]:
     """Read the sections of version 4.1 and newer, whose sizes are told."""
 
@@ -95,7 +110,7 @@ def _sized_sections(c: Cursor, version: Version) -> tuple[dict[int, NDArray[np.v
 
 def _sections(c: Cursor, version: Version) -> tuple[dict[int, NDArray[np.void]], NDArray[np.void]]:
     """Read the sections of older versions, one after the other."""
-    for _ in range(c.count(5)):  # marker sets
+    for _ in range(c.count(_LEAST_SET)):  # marker sets
         c.text()
         c.skip(_VECTOR * c.count(_VECTOR))
     c.skip(_VECTOR * c.count(_VECTOR))  # unlabelled markers
@@ -133,4 +148,13 @@ def _bodies(c: Cursor, n: int, version: Version) -> NDArray[np.void]:
     return out
 
 
-__all__ = ["BODY", "MARKER", "MODELS_CHANGED", "OCCLUDED", "TRACKED", "NatNetFrame", "read_frame"]
+__all__ = [
+    "BODY",
+    "MARKER",
+    "MODELS_CHANGED",
+    "OCCLUDED",
+    "TRACKED",
+    "NatNetFrame",
+    "read_frame",
+    "read_marker_sets",
+]

@@ -48,7 +48,7 @@ class Model:
     """
 
     skeletons: Sequence[SkeletonModel]
-    marker_sets: Mapping[str, Sequence[str]]
+    marker_sets: Mapping[str, tuple[str, ...]]
 
 
 def read_model(content: bytes, version: Version) -> Model:

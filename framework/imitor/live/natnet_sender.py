@@ -60,12 +60,15 @@ _AB, _COLLARS, _COLLAR = _NAMES.index("Ab"), (_NAMES.index("LShoulder"), _NAMES.
 NUMBER: Final = 1
 """Number of the skeleton."""
 _FROM_OURS: Final = np.array(UP_AXES["y"], dtype=np.float64).T
+_NONE: Final = (0, b"")
+_LATER: Final = ((2, 3), (2, 9), (2, 11), (4, 1))
+"""Versions from which on a frame has labelled markers, force plates, devices, assets."""
 _CENTRE_HZ: Final = 10_000_000
 _PORT: Final = 1511
 
 
 class NatNetEncoder:
-    """Makes the messages of a server with one skeleton of Motive's bones, y up, in the world's axes.
+    """Makes the messages of a server with one skeleton of Motive's bones, and its markers, y up, in the world's axes.
 
     A frame is preceded once a second by version and model, for those who cannot ask. A bone that a frame does
     not know is sent as not tracked.
@@ -74,12 +77,16 @@ class NatNetEncoder:
         skeleton: The person.
         rate_hz: Instants a second [Hz].
         version: The version to speak, from 2.6 on.
+        bones: Whether the skeleton is sent, or the markers alone.
     """
 
-    def __init__(self, skeleton: Skeleton, rate_hz: float, version: Version = (3, 1)) -> None:
+    def __init__(
+        self, skeleton: Skeleton, rate_hz: float, version: Version = (3, 1), *, bones: bool = True
+    ) -> None:
         self._version, self._every = version, max(round(rate_hz), 1)
+        self._name, self._labels = skeleton.name, skeleton.marker_names
         rest = _FROM_OURS @ _places(skeleton.rest_position)[..., None]
-        self._kept = [i for i in range(len(_NAMES)) if np.isfinite(rest[i]).all()]
+        self._kept = [i for i in range(len(_NAMES)) if bones and np.isfinite(rest[i]).all()]
         self._info = message(SERVERINFO, _server_info(version))
         self._model = message(MODELDEF, self._description(skeleton.name, rest[..., 0]))
         self._ids = np.array([NUMBER << 16 | i + 1 for i in self._kept])
@@ -118,9 +125,11 @@ class NatNetEncoder:
         bodies["id"], bodies["position"], bodies["params"] = self._ids, place, np.where(lost, 0, TRACKED)
         bodies["quaternion"] = q[:, [1, 2, 3, 0]]
         one = struct.pack("<ii", NUMBER, len(bodies)) + self._bodies(bodies)
-        sections = [(0, b"")] * 3 + [(1, one)]  # marker sets, unlabelled markers, rigid bodies, skeletons
-        later = {(4, 1): "assets", (2, 3): "labelled markers", (2, 9): "force plates", (2, 11): "devices"}
-        sections += [(0, b"") for since in later if self._version >= since]
+        skeletons = (1, one) if self._kept else _NONE
+        sets = (1, self._marker_set(frame)) if self._labels else _NONE
+        # Marker sets, unlabelled markers, rigid bodies, skeletons; then of later versions what is never sent.
+        sections = [sets, _NONE, _NONE, skeletons]
+        sections += [_NONE for since in _LATER if self._version >= since]
         out = struct.pack("<i", counter & 0x7FFFFFFF)
         for n, content in sections:
             out += (
@@ -130,15 +139,20 @@ class NatNetEncoder:
             )
         return out + self._suffix(frame.time_s)
 
+    def _marker_set(self, frame: HumanFrame) -> bytes:
+        place = (
+            np.full((len(self._labels), 3), np.nan) if frame.marker is None else frame.marker @ _FROM_OURS.T
+        )
+        told = np.nan_to_num(place, nan=0.0).astype("<f4")  # a lost marker is at the origin
+        return self._name.encode() + b"\0" + struct.pack("<i", len(told)) + told.tobytes()
+
     def _bodies(self, bodies: NDArray[np.void]) -> bytes:
         if self._version >= (3, 0):
             return bodies.tobytes()
-        split = (
-            BODY.fields["error"][1] if BODY.fields else 0
-        )  # before 3.0 the markers of a body come before its error
-        return b"".join(
-            raw[:split] + struct.pack("<i", 0) + raw[split:] for raw in (b.tobytes() for b in bodies)
-        )
+        # Before 3.0 the markers of a body come before its error.
+        split = BODY.itemsize - 6
+        pieces = (raw for b in bodies for raw in (b.tobytes(),))
+        return b"".join(raw[:split] + struct.pack("<i", 0) + raw[split:] for raw in pieces)
 
     def _suffix(self, time_s: float) -> bytes:
         v = self._version
@@ -157,9 +171,16 @@ class NatNetEncoder:
             bones += _NAMES[i].encode() + b"\0" + struct.pack("<ii3f", i + 1, above + 1, *offset)
             bones += struct.pack("<4f", 0, 0, 0, 1) if v >= (4, 2) else b""
             bones += struct.pack("<i", 0) if v >= (3, 0) else b""
-        content = name.encode() + b"\0" + struct.pack("<ii", NUMBER, len(self._kept)) + bones
-        size = struct.pack("<I", len(content)) if v >= (4, 1) else b""
-        return struct.pack("<ii", 1, 2) + size + content
+        sets = name.encode() + b"\0" + struct.pack("<i", len(self._labels))
+        sets += b"".join(label.encode() + b"\0" for label in self._labels)
+        skeleton = name.encode() + b"\0" + struct.pack("<ii", NUMBER, len(self._kept)) + bones
+        told = [(0, sets)] * bool(self._labels) + [(2, skeleton)] * bool(self._kept)
+        out = struct.pack("<i", len(told))
+        for kind, content in told:
+            out += (
+                struct.pack("<i", kind) + (struct.pack("<I", len(content)) if v >= (4, 1) else b"") + content
+            )
+        return out
 
 
 def _server_info(version: Version) -> bytes:

@@ -9,7 +9,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Final
 
@@ -105,7 +105,6 @@ class Receiver:
         self._socket, self._decoder, self._senders = sock, decoder, frozenset(senders)
         self._order = Order(self.reception)
         self._closing = threading.Event()
-        self._tap: Callable[[Arrival], None] | None = None
         sock.settimeout(_POLL_S)
         self._thread = threading.Thread(target=self._read, name="imitor-receiver", daemon=True)
 

@@ -147,7 +147,7 @@ class LiveRun:
                 request = self.operator.take()
                 if self.operator.quits or (max_frames is not None and self.report.steps >= max_frames):
                     request = rest.begin(time_s)
-            frame = None if arrival is None else self.source.human(arrival.sample, time_s)
+            frame = None if arrival is None else self.source.person(arrival, time_s)
             self._step(Tick(time_s, frame, str(request)), arrival, begin)
             rest.step(time_s)
             done(self.report.steps)

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from imitor.errors import ImitorError
 from imitor.kinds import Config, Source
-from imitor.live.receiver import Arrival, Receiver, Reception, bind
+from imitor.live.receiver import NO_USE, Arrival, Receiver, Reception, bind
 from imitor.live.sample import Decoder, Sample
 from imitor.live.sender import Encoder
 from imitor.types import HumanFrame
@@ -183,6 +183,19 @@ class LiveSource(Source[C]):
         """
         return None if self.receiver is None else self.receiver.box.take(timeout_s)
 
+    def person(self, arrival: Arrival, time_s: float) -> HumanFrame | None:
+        """Return the human frame of an instant; ``None``, and counted, when there is no sense in it.
+
+        Args:
+            arrival: What arrived.
+            time_s: The time that the frame is to bear [s].
+        """
+        try:
+            return self.human(arrival.sample, time_s)
+        except NO_USE:
+            self.reception.malformed += 1
+            return None
+
     def frames(self) -> Iterator[HumanFrame]:
         """Yield frames as they arrive, by the time of their arrival; ends when nothing comes for ``wait_s``."""
         start = time.perf_counter()
@@ -195,7 +208,9 @@ class LiveSource(Source[C]):
             if time_s <= last:
                 continue
             last = time_s
-            yield self.human(arrival.sample, time_s)
+            frame = self.person(arrival, time_s)
+            if frame is not None:
+                yield frame
 
     def close(self) -> None:
         """Stop listening."""

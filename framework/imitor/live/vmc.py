@@ -1,8 +1,8 @@
 """The VMC protocol: poses of an avatar's bones in OSC messages, several datagrams an instant.
 
 Nothing marks an instant's last bone. Senders tell their clock or state once an instant (``/VMC/Ext/T``,
-``/VMC/Ext/OK``): what came since the last time is an instant. Of a sender that does neither, one ends with the next
-root, or when every bone ever told has come.
+``/VMC/Ext/OK``): what came since the last time is an instant. Of a sender that does neither, or that tells its
+clock before the bones, one ends also when every bone ever told has come, and of the former with the next root.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ class VmcDecoder:
         self._ever: set[int] = set()
         self._clocked = False
         self._rooted = False
+        self._leads = False
         self._told = False
         self._time_s = math.nan
         self._last_s = math.nan
@@ -80,18 +81,33 @@ class VmcDecoder:
         messages = self._reader.read(datagram)
         if not messages and b"/VMC/" not in datagram:
             raise Foreign
+        kinds = [address for address, _ in messages]
+        clocks = [i for i, kind in enumerate(kinds) if kind in (TIME, STATE)]
+        bones = [i for i, kind in enumerate(kinds) if kind == BONE]
+        if clocks and bones:
+            self._leads = clocks[0] < bones[0]
+        last_bone = bones[-1] if bones else -1
+        for i in clocks:
+            if (
+                i > last_bone
+            ):  # this time is of the bones before it, which end with the first message of this kind
+                self._set_time(*messages[i])
         sample = None
-        for address, values in messages:
-            if address == TIME and values and isinstance(values[0], float):
-                self._time_s = values[0]
         for address, values in messages:
             sample = self._take(address, values) or sample
         return sample
 
+    def _set_time(self, address: str, values: list[Any]) -> None:
+        if address == TIME and values and isinstance(values[0], float):
+            self._time_s = values[0]
+
     def _take(self, address: str, values: list[Any]) -> Sample | None:
         if address in (TIME, STATE):
             self._clocked = True
-            return self._end()
+            sample = self._end()
+            self._told = False
+            self._set_time(address, values)
+            return sample
         if address == ROOT:
             pose = _numbers(values[1:] if values and isinstance(values[0], str) else values)
             if pose is None:
@@ -102,14 +118,15 @@ class VmcDecoder:
             self._root = np.array(pose)
             return sample
         row, pose = _ROW.get(values[0] if values and isinstance(values[0], str) else ""), _numbers(values[1:])
-        if row is None or pose is None or (self._told and not self._clocked):
+        early = self._leads or not self._clocked
+        if row is None or pose is None or (self._told and early):
             return None
         sample = self._end() if row in self._bones and not (self._clocked or self._rooted) else None
         self._bones[row] = pose
         self._ever.add(row)
-        if not self._clocked and self._count and len(self._bones) == len(self._ever):
+        if early and self._count and len(self._bones) == len(self._ever):
             sample = self._end()
-            self._told = self._rooted  # what comes before the next root is a repetition
+            self._told = self._clocked or self._rooted  # what comes before the next of these is a repetition
         return sample
 
     def _end(self) -> Sample | None:
