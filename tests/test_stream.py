@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import signal
 import socket
 import subprocess
@@ -245,6 +246,38 @@ def test_it_can_be_quiet(capsys: pytest.CaptureFixture[str]) -> None:
 def test_what_chance_did_is_told(capsys: pytest.CaptureFixture[str]) -> None:
     _, err = call(capsys, *STAND, "--to", "127.0.0.1:9", "--seconds", "0.1", "--loss", "100")
     assert "sent 12 instants as joints_udp to 127.0.0.1:9: 0 datagrams, 0 kB (12 lost); at most" in err
+
+
+class Terminal(io.StringIO):
+    """A terminal, as far as one asks."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+class BrokenTerminal(Terminal):
+    """A terminal that is gone once a line is drawn on it."""
+
+    def write(self, text: str) -> int:
+        if text.startswith("\r"):
+            raise OSError("gone")
+        return super().write(text)
+
+
+def test_a_terminal_shows_how_far_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert main(["stream", *STAND, "--to", "127.0.0.1:9", "--seconds", "0.5", "--rate", "50"]) == 0
+    text = terminal.getvalue()
+    assert "\r     0.2 s  11 instants  10 datagrams\x1b[K" in text
+    assert "\r\x1b[Ksent 25 instants" in text  # the line is wiped before the summary
+
+
+def test_a_terminal_that_is_gone_stops_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = BrokenTerminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    assert main(["stream", *STAND, "--to", "127.0.0.1:9", "--seconds", "0.1"]) == 0
+    assert "sent 12 instants" in terminal.getvalue()
 
 
 @pytest.mark.parametrize(
