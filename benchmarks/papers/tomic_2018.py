@@ -2,8 +2,9 @@
 
     python benchmarks/papers/tomic_2018.py [TASK ...]
 
-Fits 19 builds in each task by both algorithms, runs the drawer task with the preset, in physics and from where it is out of
-reach, too, and writes tables and figures into ``docs/presets/tomic_2018.md``. Without tasks named all seven are done.
+Fits 19 builds in each task by both algorithms, runs the drawer task with the preset, in physics and from where it is
+out of reach, too, and writes tables and figures into ``docs/presets/tomic_2018.md``. Without tasks named all seven are
+done.
 """
 
 from __future__ import annotations
