@@ -46,13 +46,18 @@ def install(folder: Path) -> None:
 
 @pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md"])
 def test_what_a_page_says_works(
-    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     """Write its files, carry out its commands, in the order of the page."""
     monkeypatch.chdir(tmp_path)
     Path("walk.bvh").write_text(small_bvh())
     Path("small.urdf").write_text(SmallHumanoid().urdf())
     done = 0
+    request.addfinalizer(stop_senders)
     for language, text in blocks(ROOT / page):
         if language in ("yaml", "python"):
             head = re.match(r"# (\S+)\n", text)
@@ -68,6 +73,16 @@ def test_what_a_page_says_works(
     assert done >= 8
 
 
+SENDERS: list[subprocess.Popen[bytes]] = []
+
+
+def stop_senders() -> None:
+    while SENDERS:
+        sender = SENDERS.pop()
+        sender.kill()
+        sender.wait()
+
+
 def carry_out(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> int:
     """Carry out one command and return how many commands of imitor that were."""
     if words[0] == "make":
@@ -81,6 +96,9 @@ def carry_out(words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.
     assert words[0] == "imitor", words
     if words[1] == "new" and Path(words[3]).is_dir():
         return 0
+    if words[1] == "stream":  # in another terminal, until the page is done
+        SENDERS.append(subprocess.Popen([sys.executable, "-m", "imitor.cli", *words[1:], "--quiet"]))
+        return 1
     argv = [*words[1:], *(["--frames", FRAMES] if words[1] == "run" else [])]
     status = main(argv)
     printed = capsys.readouterr()
