@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from imitor.errors import ImitorError
@@ -12,11 +14,11 @@ from imitor.motion.marker_recording import find_stance_with_gaps
 from imitor.motion.normalise import UP_AXES, choose_floor, foot_heights
 from imitor.types import N_ROLES, ROLE_INDEX, ROLES, SIDES, Array, BoolArray, HumanFrame, Skeleton, read_only
 
-NEEDED = ("pelvis", *(f"{s}_{j}" for j in ("hip", "shoulder") for s in SIDES))
+NEEDED: Final = ("pelvis", *(f"{s}_{j}" for j in ("hip", "shoulder") for s in SIDES))
 """Roles without which there is no body."""
-_MIRRORED = -0.3
-_HIPS = [ROLE_INDEX["left_hip"], ROLE_INDEX["right_hip"]]
-_PELVIS = ROLE_INDEX["pelvis"]
+_MIRRORED: Final = -0.3
+_HIPS: Final = [ROLE_INDEX["left_hip"], ROLE_INDEX["right_hip"]]
+_PELVIS: Final = ROLE_INDEX["pelvis"]
 
 
 class PointBody:
