@@ -120,6 +120,7 @@ class RerunProcess:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
+        self._said.close()
 
 
 def window(memory_mb: int) -> tuple[list[str], tuple[str, int]]:
@@ -146,8 +147,9 @@ def server(host: str, port: int, memory_mb: int) -> tuple[list[str], tuple[str, 
         with socket.create_server((host, port), family=family):
             pass
     except OSError as error:
+        reason = os.strerror(error.errno) if error.errno and error.errno > 0 else str(error)
         raise SinkError(
-            f"nothing can be served at {host}:{port}: {error.strerror}; set `host` or `port`, or end the program there"
+            f"nothing can be served at {host}:{port}: {reason}; set `host` or `port`, or end the program there"
         ) from None
     limit = ["--server-memory-limit", f"{memory_mb}MB"]
     near = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)
