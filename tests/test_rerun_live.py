@@ -278,3 +278,20 @@ def test_a_live_run_is_shown(tmp_path: Path) -> None:
     assert result.status == "done"
     assert result.metrics["rerun_live"]["left_out"] == 0
     assert result.metrics["rerun_live"]["shown"] == result.metrics["live"]["viewers"]["shown"] > 10
+
+
+def test_the_server_forgets_the_oldest_but_not_the_robot(
+    registry: Registry, robot: RobotModel, tmp_path: Path
+) -> None:
+    from rerun.chunk import RrdReader
+
+    play = Play(robot, tmp_path, n=LONG)
+    served = Served(registry, play, memory_mb=16, max_hz=10.0)
+    for record in play.records():
+        served.sink.write(record)
+    assert served.sink.finish().figures["rerun_live"] == {"shown": LONG, "left_out": 0}
+    path = served.seen(tmp_path / "seen.rrd")
+    rows, fixed = rows_of(path)
+    assert 0 < rows["/world/com"] < LONG
+    assert "/world/robot/left_knee_joint/part0" in fixed
+    assert len(RrdReader(path).blueprints()) == 1
