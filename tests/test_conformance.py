@@ -83,6 +83,7 @@ OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
     "c3d": small_c3d,
     "kinect": small_kinect,
     "mvnx": small_mvnx_options,
+    "rerun_live": lambda _: {"port": 0},
     "trc": small_trc,
     "video": lambda _: {"size_px": (64, 64), "fps": 5.0, "sheet_width_px": 200, "columns": 1, "rows": 1},
 }

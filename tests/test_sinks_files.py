@@ -217,17 +217,48 @@ def test_rerun_file_can_be_read_again(registry: Registry, robot: RobotModel, tmp
             rows[chunk.entity_path] = rows.get(chunk.entity_path, 0) + chunk.num_rows
     assert len(reader.blueprints()) == 1
     in_space = (play.n + 1) // 2
-    for entity in (
-        "robot/left_knee_joint",
-        "human/bones/left",
-        "targets/left_hand",
-        "targets/right_foot",
-        "com",
-    ):
+    assert rows["/world/robot"] == in_space * (robot.n + 1)  # a pose for each joint and the base
+    for entity in ("human/bones", "human/joints", "targets", "com", "support_polygon"):
         assert rows[f"/world/{entity}"] == in_space, entity
-    for entity in ("position_rad/left_leg", "speed_rad_s/right_arm", "frame_time_ms"):
+    for entity in ("position_rad/left_leg", "times_ms/frame"):
         assert rows[f"/plots/{entity}"] == play.n, entity
+    assert rows["/plots/speed_rad_s/right_arm"] == play.n - 1  # since the frame before
     assert rows["/plots/com_margin_m"] == in_space
+    assert rows["/state/robot"] == 3  # ok, held, ok
+    assert rows["/state/right_foot"] == 2
+
+
+def test_rerun_shows_links_where_the_model_has_them(
+    registry: Registry, robot: RobotModel, tmp_path: Path
+) -> None:
+    import pinocchio as pin
+    from rerun.chunk import RrdReader
+
+    play = Play(robot, tmp_path, n=3)
+    (path,) = play.into(make(registry, "rerun", max_hz=1000.0)).files
+    frames: dict[str, str] = {}
+    last: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+    for chunk in RrdReader(path).stream():
+        batch = chunk.to_record_batch()
+        named = {
+            k.rpartition(":")[2]: batch.column(k).to_pylist()
+            for k in batch.schema.names
+            if k.startswith(("Transform3D:", "CoordinateFrame:"))
+        }
+        if "frame" in named:
+            frames[chunk.entity_path] = named["frame"][0][0]
+        if chunk.entity_path == "/world/robot" and "child_frame" in named:
+            poses = zip(named["child_frame"], named["translation"], named["quaternion"], strict=True)
+            last.update({c[0]: (np.array(t[0]), np.array(q[0])) for c, t, q in poses})
+    *_, record = play.records()
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, record.state.q)
+    knee = robot.model.getJointId("left_knee_joint")
+    assert frames["/world/robot/left_knee_joint/part0"] in last
+    assert set(frames.values()) == set(last)
+    translation, quaternion = last[frames["/world/robot/left_knee_joint/part0"]]
+    np.testing.assert_allclose(translation, data.oMi[knee].translation, atol=1e-6)
+    np.testing.assert_allclose(quaternion, pin.SE3ToXYZQUAT(data.oMi[knee])[3:], atol=1e-6)
 
 
 def test_rerun_view_needs_a_display(

@@ -334,7 +334,18 @@ class RunInfo:
 
 @dataclass(slots=True)
 class Record:
-    """The finished frame that sinks receive. Read only; its arrays are valid during `Sink.write` alone: copy."""
+    """The finished frame that sinks receive. Read only; its arrays are valid during `Sink.write` alone: copy.
+
+    Attributes:
+        index: Number of the frame.
+        time_s: Its time [s].
+        human: The person.
+        stack: The tasks.
+        state: The configuration.
+        compute_s: Time spent on the frame without sinks [s].
+        latency_s: From a datagram's arrival to the solution [s]; NaN where nothing new had arrived and offline. Only
+            sinks that get the newest frame are told.
+    """
 
     index: int
     time_s: float
@@ -342,6 +353,7 @@ class Record:
     stack: TaskStack
     state: Configuration
     compute_s: float = 0.0
+    latency_s: float = math.nan
 
 
 @dataclass(slots=True)

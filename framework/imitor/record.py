@@ -267,6 +267,10 @@ class Recorder:
     def __len__(self) -> int:
         return len(self._rows)
 
+    def clear(self) -> None:
+        """Forget the frames so far, where they are kept in memory; what was returned before is written over."""
+        self._rows.clear()
+
     def close(self) -> None:
         """Give the disk space of a live run back; what was returned before stays."""
         self._rows.close()

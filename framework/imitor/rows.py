@@ -77,6 +77,10 @@ class Rows:
             )
         return out
 
+    def clear(self) -> None:
+        """Forget the rows in memory; what `arrays` gave before is written over by the next ones."""
+        self._count = 0
+
     def close(self) -> None:
         """Give the disk space back; safe to call again."""
         for file in self._files.values():

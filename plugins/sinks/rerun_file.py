@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
 from imitor import Config, RunInfo, SinkReport, hookimpl
 from imitor.errors import SinkError
 from imitor.recorded_sink import RecordedSink, writing
-
-if TYPE_CHECKING:
-    from imitor.visual.rerun_scene import RerunScene
 
 
 class RerunConfig(Config):
@@ -70,12 +67,12 @@ class Rerun(RecordedSink[RerunConfig]):
                     f"sink 'rerun': the viewer cannot be opened: {error}; "
                     "run without --view and open the .rrd file"
                 ) from error
-            self._scene().send(stream)
+            self._send(stream)
             stream.flush()
             return SinkReport()
         # through memory: the stream's own file writer would keep a full disk to itself
         memory = stream.binary_stream()
-        self._scene().send(stream)
+        self._send(stream)
         content = memory.read()
         if not content:
             raise SinkError(
@@ -85,17 +82,23 @@ class Rerun(RecordedSink[RerunConfig]):
             temporary.write_bytes(content)
         return SinkReport([self._path])
 
-    def _scene(self) -> RerunScene:
+    def _send(self, stream: Any) -> None:
         from imitor.visual.clip import rows_at
+        from imitor.visual.rerun_log import RerunLog
+        from imitor.visual.rerun_plots import RerunPlots
         from imitor.visual.rerun_scene import RerunScene
 
-        motion, reference = self.recorder.motion(), self.recorder.reference()
+        run, motion, reference = self.run, self.recorder.motion(), self.recorder.reference()
         rows = rows_at(motion.time_s, self.config.max_hz)
-        beside = self.config.layout == "beside"
-        return RerunScene(
-            self.run.robot, motion, reference, self.run.stack, rows, beside=beside,
-            environment=self.run.environment,
-        )  # fmt: skip
+        log, scene = RerunLog(stream), RerunScene(run.robot, run.stack, run.environment)
+        plots = RerunPlots(run.robot)
+        clip = scene.clip(motion, reference, rows)
+        scene.arrange(clip, beside=self.config.layout == "beside")
+        log.blueprint(plots.blueprint(live=False))
+        scene.begin(log)
+        plots.begin(log)
+        plots.add_margin(log, clip.time_s, scene.add(log, clip, reference, rows))
+        plots.add(log, motion, reference)
 
 
 @hookimpl

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 import threading
+from contextlib import AbstractContextManager
 from typing import Final, TextIO
 
+from imitor.cli.logged import logged
 from imitor.live.operator import HELP
 from imitor.live.run import LiveRun
 
@@ -46,6 +49,13 @@ class LiveStatus:
             self._say(HELP)
         self._thread = threading.Thread(target=self._run, args=(live,), name="imitor-status", daemon=True)
         self._thread.start()
+
+    def logged(self) -> AbstractContextManager[None]:
+        """Say what the logger ``imitor`` is told while the context lasts; when quiet, warnings alone are seen."""
+        return contextlib.nullcontext() if self._quiet else logged(self._tell)
+
+    def _tell(self, text: str) -> None:
+        self._say(_CLEAR + text if self._terminal else text)
 
     def __enter__(self) -> LiveStatus:
         return self

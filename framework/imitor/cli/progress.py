@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
-import logging
 import sys
 import time
-from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from typing import Any, Final, TextIO
+
+from imitor.cli.logged import logged
 
 _REDRAW_S: Final = 0.1
 _LINE_S: Final = 10.0
 """Without a known end, and for slow runs, a line comes at least this often [s]."""
-
-
-class _Sayer(logging.Handler):
-    def __init__(self, progress: Progress) -> None:
-        super().__init__()
-        self._progress = progress
-
-    def emit(self, record: logging.LogRecord) -> None:
-        self._progress.say(record.getMessage())
 
 
 class Progress:
@@ -73,20 +64,9 @@ class Progress:
         if not self._mute:
             self._guarded(self._print, text)
 
-    @contextlib.contextmanager
-    def logged(self) -> Iterator[None]:
+    def logged(self) -> AbstractContextManager[None]:
         """Say what the logger ``imitor`` is told, e.g. what is prepared once, while the context lasts."""
-        logger, handler = logging.getLogger("imitor"), _Sayer(self)
-        level, logger_propagates = logger.level, logger.propagate
-        logger.addHandler(handler)
-        logger.setLevel(logging.INFO)
-        logger.propagate = False
-        try:
-            yield
-        finally:
-            logger.removeHandler(handler)
-            logger.setLevel(level)
-            logger.propagate = logger_propagates
+        return logged(self.say)
 
     def close(self) -> None:
         """Leave the terminal as it was; safe to call again."""

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 SIMULATOR: Final = "mujoco"
 VIEWER: Final = "rerun"
-_WINDOWS: Final = (SIMULATOR, "mujoco_live", VIEWER)
+LIVE_VIEWER: Final = "rerun_live"
+_WINDOWS: Final = (SIMULATOR, "mujoco_live", VIEWER, LIVE_VIEWER)
 _EXIT: Final = {"done": 0, "failed": 1, "stopped": 1, "interrupted": 130}
 
 
@@ -84,7 +85,7 @@ def _run_live(spec: PipelineSpec, registry: Registry, args: argparse.Namespace) 
         config = spec.source.config
         print(f"waiting for a sender at {config.host}:{config.port or 'a free port'}", file=sys.stderr)  # type: ignore[attr-defined]
     operator = Operator()
-    with operator.keys() as keys, LiveStatus(quiet=args.quiet) as status:
+    with operator.keys() as keys, LiveStatus(quiet=args.quiet) as status, status.logged():
 
         def started(pipeline: Pipeline) -> None:
             if not args.quiet:
@@ -134,7 +135,8 @@ def _load(args: argparse.Namespace, registry: Registry) -> PipelineSpec:
         sinks.append(_required_sink("--simulate", "robot sink", SIMULATOR, registry))
     spec = common.load(args.pipeline, args, registry, add_sinks=sinks)
     if args.view and not any(s.name in _WINDOWS for s in spec.sinks):
-        sinks.append(_required_sink("--view", "sink", VIEWER, registry))
+        viewer = LIVE_VIEWER if _is_live(spec, registry) else VIEWER
+        sinks.append(_required_sink("--view", "sink", viewer, registry))
     sets = []
     if args.arm:
         sets = [f"{s.id}.armed=true" for s in spec.sinks if "armed" in type(s.config).model_fields]

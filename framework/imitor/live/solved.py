@@ -87,7 +87,7 @@ class Mirror:
         np.copyto(self.state.contact, solved.contact)
         self.state.status = solved.status
         record.index, record.time_s, record.human = solved.index, solved.time_s, solved.human
-        record.compute_s = solved.compute_s
+        record.compute_s, record.latency_s = solved.compute_s, solved.ready_s - solved.arrived_s
 
 
 __all__ = ["Mirror", "Solved"]

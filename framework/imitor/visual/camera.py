@@ -83,6 +83,18 @@ def human_corners(clip: Clip) -> Array:
     return np.asarray((clip.human[:, :, None] + about).reshape(len(clip), -1, 3))
 
 
+def surrounding(centre: Array, radius_m: float) -> Array:
+    """Return points on a circle at a constant distance around a moving point, shape (T, 16, 3) [m].
+
+    Args:
+        centre: shape (T, 3) [m].
+        radius_m: Of the circle, which lies level [m].
+    """
+    angle = np.arange(16) * math.tau / 16
+    circle = radius_m * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(16)])
+    return np.asarray(centre[:, None] + circle)
+
+
 def arrange(clip: Clip, robot: Array, human: Array, *, beside: bool, gap_m: float = 0.25) -> Layout:
     """Choose the direction of view and place the human: in the picture left of the robot, or over it.
 
