@@ -220,15 +220,7 @@ def tables(preset: str, found: Sequence[Attempt]) -> str:
         if not a.cells:
             reasons.setdefault(told, []).append(f"`{a.file}`" + (f" ({a.card})" if a.card else ""))
             continue
-        rows.append(
-            [
-                f"`{a.file}`",
-                a.card,
-                number(a.length_s, 1),
-                told,
-                *(c(a, a.finished) for c in columns.values()),
-            ]
-        )
+        rows.append([f"`{a.file}`", a.card, number(a.length_s, 1), told, *a.cells])
     text = [
         f"`imitor run {preset} --input FILE`: {len(rows)} of {len(found)} recordings run.\n",
         table(["file", "set", "length (s)", "run", *columns], rows),
