@@ -13,6 +13,7 @@ from imitor import testing
 from imitor.errors import SourceError
 from imitor.human.rotations import about_x, about_y, about_z
 from imitor.motion.art_file import BODY_17, is_target_table
+from imitor.motion.sitting import sitting
 from imitor.motion.target_joints import joint_between
 from imitor.plugins.sources.art_targets import ArtTargets, ArtTargetsConfig
 from imitor.plugins.sources.kinect import Kinect, KinectConfig
@@ -138,6 +139,34 @@ def test_only_target_tables_are_recognised(shared: Path) -> None:
     found = [p for p in (shared / "mocap").rglob("*.txt") if is_target_table(p)]
     assert [p.parent.name for p in found] == ["art_targets_keraal"]
     assert ArtTargets.recognises(found[0]) and not Kinect.recognises(found[0])
+
+
+@pytest.mark.shared
+def test_a_seated_start_is_told(shared: Path) -> None:
+    art = read(shared / "mocap" / "art_targets_keraal" / "G3-Vicon-CTK-P1T1-Unknown-C-0.txt")
+    assert [n for n in art.skeleton.notes if "sits" in n] == [
+        "the person sits at the start (thighs 85 degrees from the vertical): a robot without a seat stands or "
+        "crouches, and a calibration pose held standing is not there"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("knee", "ankle", "expected"),
+    [
+        ((0.0, 0.0, -0.4), (0.0, 0.0, -0.8), None),  # stands
+        ((0.4, 0.0, 0.0), (0.4, 0.0, -0.4), 90.0),  # sits
+        ((0.35, 0.0, -0.1), (0.0, 0.0, -0.3), None),  # squats
+        ((0.4, 0.0, 0.0), (0.8, 0.0, 0.0), None),  # lies
+        ((np.nan, 0.0, 0.0), (0.4, 0.0, -0.4), None),  # not seen
+    ],
+)
+def test_who_sits(knee: tuple[float, ...], ankle: tuple[float, ...], expected: float | None) -> None:
+    position = np.full((50, len(ROLE_INDEX), 3), np.nan)
+    for side in ("left", "right"):
+        position[:, ROLE_INDEX[f"{side}_hip"]] = 0.0
+        position[:, ROLE_INDEX[f"{side}_knee"]] = knee
+        position[:, ROLE_INDEX[f"{side}_ankle"]] = ankle
+    assert sitting(position, 30.0) == expected
 
 
 @pytest.mark.shared

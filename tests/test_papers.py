@@ -17,6 +17,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from captured_people import small_trc
+
 PAPERS = Path(__file__).resolve().parents[1] / "benchmarks" / "papers"
 SUPPORTS: Any = runpy.run_path(str(PAPERS / "supports.py"))
 BOTH, LEFT, RIGHT, NONE = (True, True), (True, False), (False, True), (False, False)
@@ -46,6 +48,24 @@ def test_a_short_slice_writes_tables_and_a_figure(tmp_path: Path) -> None:
     assert f"../img/papers/{figures[0].name}" in text
     with Image.open(figures[0]) as picture:
         assert picture.size == (1500, 1900)
+
+
+def test_captures_are_tabled_and_refusals_say_why(tmp_path: Path) -> None:
+    folder, docs = tmp_path / "mocap" / "some_trc", tmp_path / "docs"
+    folder.mkdir(parents=True)
+    small_trc(folder)
+    options = "--captures", str(tmp_path / "mocap"), "--frames", "5", "--docs", str(docs)
+    done = program("captures.py", *options)
+    assert done.returncode == 0, done.stderr
+    ran = (docs / "presets" / "montecillo_2010.md").read_text()
+    assert "1 of 1 recordings run" in ran
+    assert "| `some_trc/person.trc` | cmu_41 |" in ran
+    refused = (docs / "presets" / "tomic_2018.md").read_text()
+    assert "0 of 1 recordings run" in refused
+    assert (
+        "- refused: stages[0] map: needs the human's targets, which nothing before it gives: "
+        "`some_trc/person.trc`" in refused
+    )
 
 
 def test_the_written_part_is_replaced_and_the_rest_stays(

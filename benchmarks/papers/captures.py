@@ -1,6 +1,6 @@
 """Every shared recording with markers, through the presets that work from markers: what runs, how well, what does not.
 
-    python benchmarks/papers/captures.py [--preset P]... [--captures DIR] [--frames N] [--docs DIR] [FILE ...]
+    python benchmarks/papers/captures.py [--preset P]... [--frames N] [--jobs N] [--docs DIR] [FILE ...]
 
 Runs each C3D, TRC, AMC and ART file as ``imitor run PRESET --input FILE`` does, and writes a table into the page of
 each preset; with files or options of your own it prints the tables and writes nothing unless --docs names a folder.
@@ -11,7 +11,9 @@ from __future__ import annotations
 import argparse
 import tempfile
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +46,7 @@ class Attempt:
         status: ``done``, ``stopped``, ``failed``, or ``refused`` when nothing was run.
         message: Why it is not ``done``.
         figures: As in ``metrics.json``.
-        finished: Motion, reference and robot of what was finished; none when nothing was.
+        cells: Its columns of the table; none when no frame was finished.
     """
 
     file: str
@@ -53,11 +55,11 @@ class Attempt:
     status: str = "refused"
     message: str = ""
     figures: dict[str, Any] = field(default_factory=dict)
-    finished: Run | None = None
+    cells: list[str] = field(default_factory=list)
 
 
-def attempt(preset: str, captures: Path, file: str, frames: int | None) -> Attempt:
-    """Run a recording."""
+def attempt(file: str, preset: str, captures: Path, frames: int | None) -> Attempt:
+    """Run a recording and measure it."""
     out = Attempt(file)
     registry = Registry(entry_points=False)
 
@@ -80,11 +82,9 @@ def attempt(preset: str, captures: Path, file: str, frames: int | None) -> Attem
         out.status, out.message = result.status, shortened(result.message.replace(f"{captures}/", ""))
         if result.metrics:
             out.figures = result.metrics["figures"]
-            motion, reference = (
-                Motion.load(result.out_dir / MOTION_FILE),
-                Reference.load(result.out_dir / REFERENCE_FILE),
-            )
-            out.finished = Run(motion, reference, robots[0], 0)
+            motion = Motion.load(result.out_dir / MOTION_FILE)
+            done = Run(motion, Reference.load(result.out_dir / REFERENCE_FILE), robots[0], 0)
+            out.cells = [column(out, done) for column in COLUMNS[preset].values()]
     return out
 
 
@@ -217,18 +217,10 @@ def tables(preset: str, found: Sequence[Attempt]) -> str:
     rows, reasons = [], dict[str, list[str]]()
     for a in found:
         told = a.status if a.status == "done" else f"{a.status}: {a.message}"
-        if a.finished is None:
+        if not a.cells:
             reasons.setdefault(told, []).append(f"`{a.file}`" + (f" ({a.card})" if a.card else ""))
             continue
-        rows.append(
-            [
-                f"`{a.file}`",
-                a.card,
-                number(a.length_s, 1),
-                told,
-                *(c(a, a.finished) for c in columns.values()),
-            ]
-        )
+        rows.append([f"`{a.file}`", a.card, number(a.length_s, 1), told, *a.cells])
     text = [
         f"`imitor run {preset} --input FILE`: {len(rows)} of {len(found)} recordings run.\n",
         table(["file", "set", "length (s)", "run", *columns], rows),
@@ -250,9 +242,11 @@ def main() -> None:
     )
     for preset in args.presets or COLUMNS:
         found = []
-        for file in files:
-            found.append(attempt(preset, captures, file, args.frames))
-            print(f"{preset}: {file}: {found[-1].status} {found[-1].message}", flush=True)
+        with ProcessPoolExecutor(args.jobs) as pool:
+            tried = partial(attempt, preset=preset, captures=captures, frames=args.frames)
+            for a in pool.map(tried, files):
+                print(f"{preset}: {a.file}: {a.status} {a.message}", flush=True)
+                found.append(a)
         text = tables(preset, found)
         print("\n" + text)
         if args.docs or not (args.files or args.frames):
@@ -268,6 +262,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--preset", action="append", dest="presets", choices=list(COLUMNS))
     parser.add_argument("--captures", type=Path, help="folder of captures; default: mocap in IMITOR_SHARED")
     parser.add_argument("--frames", type=int, help="only the first frames")
+    parser.add_argument("--jobs", type=int, default=1, help="recordings that run at the same time")
     parser.add_argument("--docs", type=Path, help="folder of the documentation to write to")
     return parser.parse_args()
 

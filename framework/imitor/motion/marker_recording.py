@@ -28,6 +28,7 @@ from imitor.motion.normalise import (
     middle,
     role,
 )
+from imitor.motion.sitting import sitting_note
 from imitor.types import ROLE_INDEX, ROLES, SIDES, Array, BoolArray, Skeleton
 
 TRUNK: Final = ("pelvis", "neck")
@@ -146,6 +147,7 @@ def learn_markers(
     _check_sides(path, position, notes)
     notes.append(f"stature {height_m:.2f} m" + (" as given" if options.height_m else ""))
     notes.append(f"rate: {file.rate_hz:g} Hz")
+    notes += sitting_note(position, file.rate_hz)
     notes += file.notes
 
     valid: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))

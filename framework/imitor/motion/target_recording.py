@@ -15,6 +15,7 @@ from imitor.motion.clip import Clip, window
 from imitor.motion.marker_file import find_gaps
 from imitor.motion.marker_recording import find_stance_with_gaps, stature
 from imitor.motion.normalise import DEFAULT_HEIGHT_M, UNITS, UP_AXES, choose_floor, foot_heights
+from imitor.motion.sitting import sitting_note
 from imitor.motion.target_joints import TargetFit, fit_targets, place_joints, target_joints
 from imitor.types import ROLE_INDEX, ROLES, Array, BoolArray, Skeleton
 
@@ -130,6 +131,7 @@ def learn_targets(
     floor, why = choose_floor(stance, options.floor)
     notes += [why, f"stature {height_m:.2f} m" + (" as given" if options.height_m else "")]
     notes.append(f"rate: {options.rate_hz:g} Hz, {options.rate_note}")
+    notes += sitting_note(position, options.rate_hz)
     position[..., 2] -= floor
     scaled[..., 2, 3] -= floor
     ankle_m, toe_m = foot_heights(stance, floor, height_m)
