@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.record import Motion
-from imitor.robot.model import BASE_NQ
+from imitor.robot.model import BASE_NQ, BASE_NV
 from imitor.simulation.body import FLOOR, OTHER, Body
 from imitor.simulation.verdict import Fall, FallRule, tilt
 from imitor.types import Array, BoolArray
@@ -32,6 +32,7 @@ class Trace:
     Attributes:
         time_s: Times of the commands, shape (T,) [s].
         q: Pinocchio configurations, shape (T, 7 + n).
+        v: Pinocchio velocities, the base's in its own axes, shape (T, 6 + n) [m/s, rad/s].
         q_asked: The commands, base set down on the floor, shape (T, 7 + n).
         torque: Of the servos, shape (T, n) [N m].
         peak_torque: Largest since the frame before, absolute, shape (T, n) [N m].
@@ -48,6 +49,7 @@ class Trace:
 
     time_s: Array
     q: Array
+    v: Array
     q_asked: Array
     torque: Array
     peak_torque: Array
@@ -110,7 +112,7 @@ class _Run:
         self._steps = np.rint((self._time - self._time[0]) / self._step_s).astype(int)
         self._targets = self._servo_targets(velocity_reference)
         frames, n = len(motion), body.n
-        self._q = np.empty_like(self._asked)
+        self._q, self._v = np.empty_like(self._asked), np.zeros((frames, BASE_NV + n))
         self._torque, self._peak = np.zeros((frames, n)), np.zeros((frames, n))
         self._saturated, self._force = np.zeros(frames), np.zeros((frames, 3))
         self._zmp = np.full((frames, 2), np.nan)
@@ -162,7 +164,7 @@ class _Run:
         taken = time.perf_counter() - begin
         simulated = (len(hold) + self._steps[-1]) * self._step_s
         return Trace(
-            self._time, self._q, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
+            self._time, self._q, self._v, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
             self._sole, self._fall, self._step_s, float(simulated / taken),
         )  # fmt: skip
 
@@ -214,6 +216,7 @@ class _Run:
             self._keep_still(frame)
             return
         self._q[frame] = self._body.configuration(data.qpos)
+        self._v[frame] = self._body.velocity(data.qpos, data.qvel)
         self._torque[frame] = data.actuator_force
         self._sole[frame] = self._body.sole_corners(data)
         if self._fall is not None:
