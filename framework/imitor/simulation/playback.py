@@ -164,8 +164,8 @@ class _Run:
         taken = time.perf_counter() - begin
         simulated = (len(hold) + self._steps[-1]) * self._step_s
         return Trace(
-            self._time, self._q, self._v, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
-            self._sole, self._fall, self._step_s, float(simulated / taken),
+            self._time, self._q, self._v, self._asked, self._torque, self._peak, self._saturated, self._force,
+            self._zmp, self._sole, self._fall, self._step_s, float(simulated / taken),
         )  # fmt: skip
 
     def _advance(self, targets: Array, frame: int) -> None:
