@@ -266,7 +266,7 @@ def test_a_swing_is_told_from_a_way(swinging: bool, low: float, high: float) -> 
     dt = 0.01
     tracker = PointTracker(6, dt, [[] for _ in range(6)], TrackerOptions())
     for t in np.arange(0.0, 2.0, dt):
-        places = np.arange(18.0).reshape(6, 3)
+        places = np.array(np.arange(18.0).reshape(6, 3), dtype=np.float64)
         places[:2, 0] += 0.2 * np.sin(4.0 * np.pi * t) if swinging else 0.3 * t
         tracker.update(places, np.ones(6, dtype=bool))
     assert low <= tracker._swings() <= high

@@ -31,7 +31,7 @@ def executed(robot: RobotModel, motion: Motion) -> Trace:
 
 def as_motion(robot: RobotModel, q: np.ndarray) -> Motion:
     return Motion(
-        robot.name, np.arange(len(q)) * PERIOD_S, robot.joint_names, q[:, 7:], q[:, :3], q[:, [6, 3, 4, 5]],
+        robot.name, np.asarray(np.arange(len(q)) * PERIOD_S, dtype=np.float64), robot.joint_names, q[:, 7:], q[:, :3], q[:, [6, 3, 4, 5]],
         np.ones((len(q), 2), dtype=bool), ["ok"] * len(q),
     )  # fmt: skip
 
