@@ -217,3 +217,43 @@ def test_arms_are_kept_off_the_body_and_feet_and_com_stay(robot: RobotModel, mad
     assert made.correction.left == 0
     assert max(com) < 0.002
     assert state.q.tobytes() == q.tobytes()
+
+
+def test_a_fading_correction_at_the_end_of_a_range_does_not_stop_the_pose(
+    robot: RobotModel, made: Any
+) -> None:
+    stack = standing_stack(robot)
+    made.reset()
+    waist, elbow = (robot.joint_index(name) for name in ("waist_pitch_joint", "left_elbow_joint"))
+    sent = robot.standing.copy()
+    sent[7 + waist] = robot.lower[waist]
+    asked = sent.copy()
+    asked[7 + elbow] += 0.01
+    offset = np.zeros(robot.n)
+    offset[waist] = -0.05  # leads out of the range
+    made.correction._offset = offset
+    state = Configuration(asked.copy(), np.ones(2, dtype=bool))
+    state.sent = sent
+    robot.update(asked)
+    made.step(stack, state)
+    np.testing.assert_allclose(state.q, asked, atol=1e-9)
+
+
+def test_a_correction_of_standing_legs_leaves_the_anchor_where_it_stands(
+    robot: RobotModel, made: Any
+) -> None:
+    stack = standing_stack(robot)
+    made.reset()
+    knee, elbow = (robot.joint_index(name) for name in ("left_knee_joint", "left_elbow_joint"))
+    sent = robot.standing.copy()
+    asked = sent.copy()
+    asked[7 + elbow] += 0.5  # quicker than the joint is
+    offset = np.zeros(robot.n)
+    offset[knee] = 0.05
+    made.correction._offset, made.correction._bent = offset, True
+    state = Configuration(asked, np.ones(2, dtype=bool))
+    state.sent = sent
+    robot.update(asked)
+    made.step(stack, state)
+    assert abs(state.q[7 + knee] - sent[7 + knee]) > 1e-3
+    np.testing.assert_allclose(robot.pose("left_foot"), stack.anchor_pose, atol=1e-9)

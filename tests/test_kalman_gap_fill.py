@@ -212,37 +212,61 @@ WALKS = ("cmu_c3d/02_01.c3d", "c3d_markers/PiG_Motion-FlatFoot-Hole.c3d", "c3d_m
          "trc/walk_opensim_markers.trc")  # fmt: skip
 
 
+def cut_losses(path: Path) -> dict[str, list[tuple[float, float, float, float]]]:
+    """Lose every marker halfway; return filled after 100 and 400 ms, held after both [m], alone and in company."""
+    errors: dict[str, list[tuple[float, float, float, float]]] = {"alone": [], "company": []}
+    if path.suffix == ".c3d":
+        pytest.importorskip("ezc3d")
+    source = C3d(C3dConfig(path=path)) if path.suffix == ".c3d" else Trc(TrcConfig(path=path))
+    source.start()
+    marker, dt = known(source.recording.marker), 1.0 / source.rate_hz
+    companions = companions_of(source.skeleton)[: marker.shape[1]]
+    start, after = len(marker) // 2, [round(0.1 / dt) - 1, round(0.4 / dt) - 1]
+    ready = PointTracker(marker.shape[1], dt, companions, TrackerOptions())
+    everything = np.ones(marker.shape[1], dtype=bool)
+    for k in range(start - round(0.6 / dt), start):
+        ready.update(marker[k], everything)
+    for i in range(marker.shape[1]):
+        for name, lost in (("alone", [i, *(j for g in companions[i] for j in g)]), ("company", [i])):
+            if name == "company" and max(map(len, companions[i]), default=0) < 3:
+                continue
+            seen = everything.copy()
+            seen[lost] = False
+            tracker = copy.deepcopy(ready)
+            out = [tracker.update(marker[start + k], seen)[0][i] for k in range(after[1] + 1)]
+            off = [float(np.linalg.norm(out[k] - marker[start + k, i])) for k in after]
+            held = [float(np.linalg.norm(marker[start - 1, i] - marker[start + k, i])) for k in after]
+            errors[name].append((off[0], off[1], held[0], held[1]))
+    return errors
+
+
 @pytest.mark.shared
 @pytest.mark.slow
 def test_losses_cut_into_walks_are_bridged(shared: Path) -> None:
     """Mean error in cm after 100 and 400 ms: a marker alone 2 and 12, in company of three or more 1 and 3."""
-    errors: dict[str, list[tuple[float, float, float, float]]] = {"alone": [], "company": []}
-    for file in WALKS:
-        path = str(shared / "mocap" / file)
-        if file.endswith(".c3d"):
-            pytest.importorskip("ezc3d")
-        source = C3d(C3dConfig(path=path)) if file.endswith(".c3d") else Trc(TrcConfig(path=path))
-        source.start()
-        marker, dt = known(source.recording.marker), 1.0 / source.rate_hz
-        companions = companions_of(source.skeleton)[: marker.shape[1]]
-        start, after = len(marker) // 2, [round(0.1 / dt) - 1, round(0.4 / dt) - 1]
-        ready = PointTracker(marker.shape[1], dt, companions, TrackerOptions())
-        everything = np.ones(marker.shape[1], dtype=bool)
-        for k in range(start - round(0.6 / dt), start):
-            ready.update(marker[k], everything)
-        for i in range(marker.shape[1]):
-            for name, lost in (("alone", [i, *(j for g in companions[i] for j in g)]), ("company", [i])):
-                if name == "company" and max(map(len, companions[i]), default=0) < 3:
-                    continue
-                seen = everything.copy()
-                seen[lost] = False
-                tracker = copy.deepcopy(ready)
-                out = [tracker.update(marker[start + k], seen)[0][i] for k in range(after[1] + 1)]
-                off = [float(np.linalg.norm(out[k] - marker[start + k, i])) for k in after]
-                held = [float(np.linalg.norm(marker[start - 1, i] - marker[start + k, i])) for k in after]
-                errors[name].append((off[0], off[1], held[0], held[1]))
+    found = [cut_losses(shared / "mocap" / file) for file in WALKS]
     for name, most in (("alone", (0.02, 0.12)), ("company", (0.01, 0.03))):
-        off_early, off_late, held_early, held_late = np.mean(errors[name], axis=0)
-        assert len(errors[name]) > 100
+        errors = [e for one in found for e in one[name]]
+        off_early, off_late, held_early, held_late = np.mean(errors, axis=0)
+        assert len(errors) > 100
         assert off_early < most[0] and off_late < most[1], name
         assert off_early < 0.5 * held_early and off_late < 0.5 * held_late, name
+
+
+@pytest.mark.shared
+@pytest.mark.slow
+def test_who_stands_up_is_bridged_better_than_held(shared: Path) -> None:
+    for name, errors in cut_losses(shared / "mocap" / "trc/STS1.trc").items():
+        off_early, off_late, held_early, held_late = np.mean(errors, axis=0)
+        assert off_early < held_early and off_late < held_late, name
+
+
+@pytest.mark.parametrize(("swinging", "low", "high"), [(True, 0.8, 1.0), (False, 0.0, 0.4)])
+def test_a_swing_is_told_from_a_way(swinging: bool, low: float, high: float) -> None:
+    dt = 0.01
+    tracker = PointTracker(6, dt, [[] for _ in range(6)], TrackerOptions())
+    for t in np.arange(0.0, 2.0, dt):
+        places = np.array(np.arange(18.0).reshape(6, 3), dtype=np.float64)
+        places[:2, 0] += 0.2 * np.sin(4.0 * np.pi * t) if swinging else 0.3 * t
+        tracker.update(places, np.ones(6, dtype=bool))
+    assert low <= tracker._swings() <= high

@@ -116,8 +116,10 @@ def test_the_law_does_not_depend_on_the_rate() -> None:
         assert np.abs(paths[rate][:n] - paths[100][:n]).max() < 4e-3
 
 
-def test_the_com_goes_ahead_of_the_lift() -> None:
-    pipeline = preset("source.scenario=weight_shift_foot_lift")
+@pytest.mark.parametrize(("speed", "least_s"), [(1.0, 0.8), (2.0, 0.4), (3.0, 0.2)])
+def test_the_com_goes_ahead_of_the_lift(speed: float, least_s: float) -> None:
+    """The robot's CoM is over the foot that stays this long before the other lifts, and stays there until it does."""
+    pipeline = preset("source.scenario=weight_shift_foot_lift", f"source.speed={speed}")
     rows = []
     for record in pipeline.records():
         robot = pipeline.robot
@@ -129,5 +131,28 @@ def test_the_com_goes_ahead_of_the_lift() -> None:
     stance = 0 if table[lift, 1] else 1
     over = table[:, 3 + stance] > 0.025
     first = int(np.flatnonzero(over[:lift])[0])
-    assert table[lift, 0] - table[first, 0] > 0.3
+    assert table[lift, 0] - table[first, 0] > least_s
     assert over[first:lift].all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["nao_v4", "romeo", "talos", "unitree_g1"])
+def test_every_robot_lifts_its_foot_in_balance(name: str) -> None:
+    registry = Registry(entry_points=False)
+    sets = ["source.scenario=weight_shift_foot_lift"]
+    pipeline = Pipeline(load_pipeline("montecillo_2010", registry, robot=name, sets=sets), registry)
+    robot, gate = pipeline.robot, stage(pipeline, "com_anticipation")
+    contacts, before, inside = [], np.ones(2, dtype=bool), [1.0, 1.0]
+    for record in pipeline.records():
+        contact = np.asarray(record.state.contact).copy()
+        for i in range(2):
+            if before[i] and not contact[i]:
+                assert inside[1 - i] >= gate.config.margin_m - 1e-9
+        soles, floor = robot.sole_corners(), (float(robot.com[0]), float(robot.com[1]))
+        standing = [s for s, on in zip(soles, contact, strict=True) if on]
+        assert record.time_s < 0.5 or margin(floor, footprint(standing)) > 0.02
+        assert max(abs(float(s[:, 2].min())) for s in standing) < 0.01
+        inside, before = [margin(floor, footprint([s])) for s in soles], contact
+        contacts.append(bool(contact.all()))
+    assert 200 < contacts.count(False) < 900  # it stood on one foot
+    assert all(contacts[-100:])  # and has set the other down again

@@ -68,7 +68,7 @@ class KalmanGapFillConfig(Config):
         _DEFAULT.pull_rad_s,
         ge=0.0,
         le=50.0,
-        description="How fast a lost point swings about where it mostly is [rad/s].",
+        description="How fast a lost point of a body that swings to and fro swings about where it mostly is [rad/s].",
     )
 
 

@@ -54,7 +54,10 @@ class ComAnticipationConfig(Config):
     )
     com_speed_m_s: float = Field(0.3, gt=0, description="Largest speed of the CoM's target [m/s].")
     com_acceleration_m_s2: float = Field(
-        0.8, gt=0, description="Largest acceleration of the CoM's target [m/s^2]."
+        0.4,
+        gt=0,
+        description="Largest acceleration of the CoM's target [m/s^2]; the ZMP of the cart-table model leaves the CoM "
+        "by it times height over gravity.",
     )
     lift_m: float = Field(
         0.03, gt=0, description="Height to which a foot goes straight up before it follows the human's [m]."

@@ -2,14 +2,16 @@
 
 The state of a point is its position and velocity (and acceleration) in axes that move along with the body, so that a
 walk does not leave lost points behind. While nothing is measured velocity and acceleration fade, and the point is
-drawn to where it mostly is: limbs swing back. A lost point whose companions on the same segment are seen is measured
-through them: their shape is rigid, so the place where the point was in it is where it is now.
+drawn to where it mostly is: limbs swing back. How much it is drawn is told by how much of the body's motion went to and
+fro lately: nearly all in a walk, little in a person who stands up, whose points do not come back. A lost point whose
+companions on the same segment are seen is measured through them: their shape is rigid, so the place where the point
+was in it is where it is now.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -37,6 +39,7 @@ class TrackerOptions:
         fading_s: After this time without measurement velocity is down to 1/e [s].
         pull_rad_s: How strongly a point is drawn to its home, as the frequency of a swing about it [rad/s].
         home_s: Its home is the mean of its places over about this time [s].
+        swing_s: Whether the body swings or goes is told by its velocities over about this time [s].
         max_gap_s: A longer loss is not bridged [s].
         rigid: Whether companions help.
         rigid_noise_m: Standard deviation of a place told by three or more companions [m].
@@ -49,6 +52,7 @@ class TrackerOptions:
     acceleration_fading_s: float = 0.06
     pull_rad_s: float = 4.0
     home_s: float = 1.0
+    swing_s: float = 0.5
     max_gap_s: float = 0.5
     rigid: bool = True
     rigid_noise_m: float = 0.005
@@ -74,7 +78,9 @@ class PointTracker:
             for groups in companions
         ]
         self._F, self._Q = _model(options, dt_s)
+        self._F_free, _ = _model(replace(options, pull_rad_s=0.0), dt_s)
         self._blend = 1.0 - float(np.exp(-dt_s / options.home_s))
+        self._swing_blend = 1.0 - float(np.exp(-dt_s / options.swing_s))
         self._n, self._order = n, len(self._F)
         self.reset()
 
@@ -84,6 +90,7 @@ class PointTracker:
         self._x = np.zeros((n, order, 3))  # state in the moving axes
         self._P = np.zeros((n, order, order))
         self._home = np.zeros((n, 3))  # mean place in the moving axes
+        self._mean_velocity, self._mean_square = np.zeros((n, 3)), np.zeros(n)
         self._age = np.full(n, -1)  # frames since a point was seen; -1: never
         self._last = np.full((n, 3), np.nan)  # measured in the frame before
         self._shape: list[tuple[Array, list[Array]] | None] = [
@@ -105,10 +112,12 @@ class PointTracker:
         measured = np.where(seen[:, None], position, np.nan)
         self._remember(self._last, seen)
         self._move(measured)
+        swings = self._swings()
+        F = swings * self._F + (1.0 - swings) * self._F_free
         self._x[:, 0] -= self._home
-        self._x = np.einsum("ij,njk->nik", self._F, self._x)
+        self._x = np.einsum("ij,njk->nik", F, self._x)
         self._x[:, 0] += self._home
-        self._P = self._F @ self._P @ self._F.T + self._Q
+        self._P = F @ self._P @ F.T + self._Q
         new = seen & (self._age < 0)
         self._begin(new, measured)
         old = np.flatnonzero(seen & ~new)
@@ -119,10 +128,18 @@ class PointTracker:
             for i in lost:
                 self._help(int(i), measured)
         self._home[seen] += self._blend * (measured[seen] - self._origin - self._home[seen])
+        v = self._x[seen, 1]
+        self._mean_velocity[seen] += self._swing_blend * (v - self._mean_velocity[seen])
+        self._mean_square[seen] += self._swing_blend * ((v * v).sum(axis=1) - self._mean_square[seen])
         known = seen | ((self._age > 0) & (self._age <= self.most_frames))
         out = np.where(seen[:, None], position, self._x[:, 0] + self._origin)
         out[~known] = np.nan
         return out, np.asarray(known)
+
+    def _swings(self) -> float:
+        """Return the share of the body's motion that went to and fro lately [-]: 1 - sum v_mean^2 / sum mean(v^2)."""
+        whole = float(self._mean_square.sum())
+        return 1.0 - float((self._mean_velocity**2).sum()) / whole if whole > 0.0 else 1.0
 
     def _move(self, measured: Array) -> None:
         """Move the axes with the body: by the median step of the points seen in this frame and the one before."""
@@ -180,8 +197,9 @@ class PointTracker:
 def _model(options: TrackerOptions, dt: float) -> tuple[Array, Array]:
     """Return transition and process noise of one axis.
 
-    About its home a point moves by p'' = -w^2 p - p' / T + a. Acceleration a is white (constant velocity), or a
-    first-order process of its own, a' = -a / S + noise (constant acceleration).
+    About its home a point moves by p'' = -w^2 p - p' / T + a, of a body that swings; w is 0 for one that goes on.
+    Acceleration a is white (constant velocity), or a first-order process of its own, a' = -a / S + noise (constant
+    acceleration).
     """
     T, S, sigma = options.fading_s, options.acceleration_fading_s, options.acceleration_m_s2
     rates = [[0.0, 1.0, 0.0], [-(options.pull_rad_s**2), -1.0 / T, 1.0], [0.0, 0.0, -1.0 / S]]

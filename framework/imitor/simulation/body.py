@@ -13,8 +13,12 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from imitor.errors import RobotError
+<<<<<<< HEAD
 from imitor.robot.hands import hand_joints
 from imitor.robot.model import BASE_NQ, RobotModel
+=======
+from imitor.robot.model import BASE_NQ, BASE_NV, RobotModel
+>>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
 from imitor.simulation.drives import GRAVITY, Drives, coupled_groups
 from imitor.simulation.things import FLOOR_BIT, GRASPABLE_BIT, PREFIX, ROBOT_BIT, Things
 from imitor.types import SIDES, Array, IntArray
@@ -112,6 +116,7 @@ class Body:
         self.things.compiled(self.model)
         joints = [self.model.joint(name).qposadr[0] for name in robot.joint_names]
         self._places = np.array([0, 1, 2, 4, 5, 6, 3, *joints])
+        self._speeds = np.array([self.model.joint(name).dofadr[0] for name in robot.joint_names])
         self._sole_bodies = [self.model.body(robot.model.names[joint]).id for joint, _, _ in self._soles]
         self.geom_names = [self.model.geom(g).name for g in range(self.model.ngeom)]
         self.kind: IntArray = np.array([_kind(name) for name in self.geom_names], dtype=np.int_)
@@ -135,6 +140,16 @@ class Body:
     def configuration(self, qpos: Array) -> Array:
         """Return Pinocchio configurations, shape (..., 7 + n), of MuJoCo's positions."""
         return np.asarray(qpos[..., self._places])
+
+    def velocity(self, qpos: Array, qvel: Array) -> Array:
+        """Return Pinocchio's velocity (6 + n,) of MuJoCo's positions and velocities: the base's in its own axes."""
+        import pinocchio as pin
+
+        out = np.empty_like(qvel)
+        R = pin.Quaternion(qpos[[4, 5, 6, 3]]).toRotationMatrix()
+        out[:3], out[3:6] = R.T @ qvel[:3], qvel[3:6]
+        out[BASE_NV:] = qvel[self._speeds]
+        return out
 
     def sole_corners(self, data: Any) -> Array:
         """Return the sole corners in world, shape (2, K, 3) [m]."""

@@ -11,9 +11,15 @@ from typing import Any, Final
 
 import numpy as np
 
+<<<<<<< HEAD
 from imitor.record import Motion, Reference
 from imitor.robot.model import BASE_NQ
 from imitor.simulation.body import FLOOR, LEFT, OTHER, Body
+=======
+from imitor.record import Motion
+from imitor.robot.model import BASE_NQ, BASE_NV
+from imitor.simulation.body import FLOOR, OTHER, Body
+>>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
 from imitor.simulation.verdict import Fall, FallRule, tilt
 from imitor.types import Array, BoolArray, IntArray
 from imitor.visual.offscreen import import_mujoco
@@ -32,7 +38,12 @@ class Trace:
     Attributes:
         time_s: Times of the commands, shape (T,) [s].
         q: Pinocchio configurations, shape (T, 7 + n).
+<<<<<<< HEAD
         q_asked: The commands, base set down on the floor unless it is held, shape (T, 7 + n).
+=======
+        v: Pinocchio velocities, the base's in its own axes, shape (T, 6 + n) [m/s, rad/s].
+        q_asked: The commands, base set down on the floor, shape (T, 7 + n).
+>>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
         torque: Of the servos, shape (T, n) [N m].
         peak_torque: Largest since the frame before, absolute, shape (T, n) [N m].
         saturated: Share of the steps since the frame before with some servo at its limit, shape (T,) [-].
@@ -51,6 +62,7 @@ class Trace:
 
     time_s: Array
     q: Array
+    v: Array
     q_asked: Array
     torque: Array
     peak_torque: Array
@@ -122,7 +134,7 @@ class _Run:
         self._steps = np.rint((self._time - self._time[0]) / self._step_s).astype(int)
         self._targets = self._servo_targets(velocity_reference)
         frames, n = len(motion), body.n
-        self._q = np.empty_like(self._asked)
+        self._q, self._v = np.empty_like(self._asked), np.zeros((frames, BASE_NV + n))
         self._torque, self._peak = np.zeros((frames, n)), np.zeros((frames, n))
         self._saturated, self._force = np.zeros(frames), np.zeros((frames, 3))
         self._zmp = np.full((frames, 2), np.nan)
@@ -189,9 +201,14 @@ class _Run:
         taken = time.perf_counter() - begin
         simulated = (len(hold) + self._steps[-1]) * self._step_s
         return Trace(
+<<<<<<< HEAD
             self._time, self._q, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
             self._sole, self._shift, self._shift_asked, self._held, self._held_asked, self._fall, self._step_s,
             float(simulated / taken),
+=======
+            self._time, self._q, self._v, self._asked, self._torque, self._peak, self._saturated, self._force,
+            self._zmp, self._sole, self._fall, self._step_s, float(simulated / taken),
+>>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
         )  # fmt: skip
 
     def _advance(self, targets: Array, frame: int) -> None:
@@ -246,6 +263,7 @@ class _Run:
             self._keep_still(frame)
             return
         self._q[frame] = self._body.configuration(data.qpos)
+        self._v[frame] = self._body.velocity(data.qpos, data.qvel)
         self._torque[frame] = data.actuator_force
         self._sole[frame] = self._body.sole_corners(data)
         self._shift[frame] = self._body.things.shift(data.qpos)
