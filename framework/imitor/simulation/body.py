@@ -13,12 +13,8 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from imitor.errors import RobotError
-<<<<<<< HEAD
 from imitor.robot.hands import hand_joints
-from imitor.robot.model import BASE_NQ, RobotModel
-=======
 from imitor.robot.model import BASE_NQ, BASE_NV, RobotModel
->>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
 from imitor.simulation.drives import GRAVITY, Drives, coupled_groups
 from imitor.simulation.things import FLOOR_BIT, GRASPABLE_BIT, PREFIX, ROBOT_BIT, Things
 from imitor.types import SIDES, Array, IntArray

@@ -11,15 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
-<<<<<<< HEAD
 from imitor.record import Motion, Reference
-from imitor.robot.model import BASE_NQ
-from imitor.simulation.body import FLOOR, LEFT, OTHER, Body
-=======
-from imitor.record import Motion
 from imitor.robot.model import BASE_NQ, BASE_NV
-from imitor.simulation.body import FLOOR, OTHER, Body
->>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
+from imitor.simulation.body import FLOOR, LEFT, OTHER, Body
 from imitor.simulation.verdict import Fall, FallRule, tilt
 from imitor.types import Array, BoolArray, IntArray
 from imitor.visual.offscreen import import_mujoco
@@ -38,12 +32,8 @@ class Trace:
     Attributes:
         time_s: Times of the commands, shape (T,) [s].
         q: Pinocchio configurations, shape (T, 7 + n).
-<<<<<<< HEAD
-        q_asked: The commands, base set down on the floor unless it is held, shape (T, 7 + n).
-=======
         v: Pinocchio velocities, the base's in its own axes, shape (T, 6 + n) [m/s, rad/s].
-        q_asked: The commands, base set down on the floor, shape (T, 7 + n).
->>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
+        q_asked: The commands, base set down on the floor unless it is held, shape (T, 7 + n).
         torque: Of the servos, shape (T, n) [N m].
         peak_torque: Largest since the frame before, absolute, shape (T, n) [N m].
         saturated: Share of the steps since the frame before with some servo at its limit, shape (T,) [-].
@@ -201,14 +191,9 @@ class _Run:
         taken = time.perf_counter() - begin
         simulated = (len(hold) + self._steps[-1]) * self._step_s
         return Trace(
-<<<<<<< HEAD
-            self._time, self._q, self._asked, self._torque, self._peak, self._saturated, self._force, self._zmp,
-            self._sole, self._shift, self._shift_asked, self._held, self._held_asked, self._fall, self._step_s,
-            float(simulated / taken),
-=======
             self._time, self._q, self._v, self._asked, self._torque, self._peak, self._saturated, self._force,
-            self._zmp, self._sole, self._fall, self._step_s, float(simulated / taken),
->>>>>>> 46c7a8e818e057c1b2616c5e844072d11ce1d39d
+            self._zmp, self._sole, self._shift, self._shift_asked, self._held, self._held_asked, self._fall,
+            self._step_s, float(simulated / taken),
         )  # fmt: skip
 
     def _advance(self, targets: Array, frame: int) -> None:
