@@ -34,6 +34,8 @@ from imitor import (
     TaskStack,
     testing,
 )
+from imitor.kinds import Tick
+from imitor.live.received import ReceivedRecorder
 from imitor.motion.bvh_file import write_bvh
 from imitor.motion.bvh_hierarchy import Node
 from imitor.registry import Registered, Registry
@@ -76,6 +78,16 @@ def small_bvh(folder: Path) -> dict[str, Any]:
     return {"path": str(folder / "person.bvh")}
 
 
+def small_received(folder: Path) -> dict[str, Any]:
+    frames = testing.make_frames("walk", 60)
+    recorder = ReceivedRecorder(testing.make_skeleton(), 30.0, frames[:10], folder)
+    for frame in frames:
+        recorder.add(Tick(frame.time_s, frame))
+    recorder.save(folder / "received.npz")
+    recorder.close()
+    return {"path": str(folder / "received.npz")}
+
+
 OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
     "art_targets": small_targets,
     "asf_amc": small_acclaim,
@@ -83,6 +95,7 @@ OPTIONS: Mapping[str, Callable[[Path], dict[str, Any]]] = {
     "c3d": small_c3d,
     "kinect": small_kinect,
     "mvnx": small_mvnx_options,
+    "received": small_received,
     "rerun_live": lambda _: {"port": 0},
     "trc": small_trc,
     "video": lambda _: {"size_px": (64, 64), "fps": 5.0, "sheet_width_px": 200, "columns": 1, "rows": 1},

@@ -141,7 +141,7 @@ class Body:
         """Return Pinocchio's velocity (6 + n,) of MuJoCo's positions and velocities: the base's in its own axes."""
         import pinocchio as pin
 
-        out = np.empty_like(qvel)
+        out = np.empty(BASE_NV + len(self._speeds))  # objects that move come behind the robot
         R = pin.Quaternion(qpos[[4, 5, 6, 3]]).toRotationMatrix()
         out[:3], out[3:6] = R.T @ qvel[:3], qvel[3:6]
         out[BASE_NV:] = qvel[self._speeds]
