@@ -30,8 +30,9 @@ def executed(robot: RobotModel, motion: Motion) -> Trace:
 
 
 def as_motion(robot: RobotModel, q: np.ndarray) -> Motion:
+    time_s = np.asarray(np.arange(len(q)) * PERIOD_S, dtype=np.float64)
     return Motion(
-        robot.name, np.asarray(np.arange(len(q)) * PERIOD_S, dtype=np.float64), robot.joint_names, q[:, 7:], q[:, :3], q[:, [6, 3, 4, 5]],
+        robot.name, time_s, robot.joint_names, q[:, 7:], q[:, :3], q[:, [6, 3, 4, 5]],
         np.ones((len(q), 2), dtype=bool), ["ok"] * len(q),
     )  # fmt: skip
 
