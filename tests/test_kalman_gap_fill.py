@@ -217,7 +217,7 @@ def cut_losses(path: Path) -> dict[str, list[tuple[float, float, float, float]]]
     errors: dict[str, list[tuple[float, float, float, float]]] = {"alone": [], "company": []}
     if path.suffix == ".c3d":
         pytest.importorskip("ezc3d")
-    source = C3d(C3dConfig(path=path)) if path.suffix == ".c3d" else Trc(TrcConfig(path=path))
+    source = C3d(C3dConfig(path=str(path))) if path.suffix == ".c3d" else Trc(TrcConfig(path=str(path)))
     source.start()
     marker, dt = known(source.recording.marker), 1.0 / source.rate_hz
     companions = companions_of(source.skeleton)[: marker.shape[1]]
