@@ -22,7 +22,7 @@ log = logging.getLogger("imitor")
 MOST_FRAMES: Final = 256
 """Frames that wait for the viewer; of a live run the older ones are left out beyond that."""
 CURVES_S: Final = 0.25
-"""Curves grow so often: each costs as much as all of the picture [s]."""
+"""Curves grow so often: together they cost as much as a picture [s]."""
 PATIENCE_S: Final = 10.0
 """How long a viewer may keep a run that is not live waiting [s]."""
 END_S: Final = 2.0
