@@ -38,7 +38,7 @@ class RerunLiveConfig(Config):
     host: str = Field("127.0.0.1", description="Address to serve at; 0.0.0.0 for other machines [-].")
     port: int = Field(9876, ge=0, le=65535, description="Port to serve at; 0 for a free one [-].")
     memory_mb: int = Field(
-        512, ge=16, le=65536, description="What viewer or server keep; then the oldest frames go [MB]."
+        1024, ge=16, le=65536, description="What viewer or server keep; then the oldest frames go [MB]."
     )
     max_hz: float = Field(
         30.0, gt=0, le=1000, description="Most pictures sent a second; curves have all [Hz]."
