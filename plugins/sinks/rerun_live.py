@@ -22,7 +22,7 @@ log = logging.getLogger("imitor")
 MOST_FRAMES: Final = 256
 """Frames that wait for the viewer; of a live run the older ones are left out beyond that."""
 CURVES_S: Final = 0.25
-"""Curves grow so often: each costs as much as all of the picture [s]."""
+"""Curves grow so often: together they cost as much as a picture [s]."""
 PATIENCE_S: Final = 10.0
 """How long a viewer may keep a run that is not live waiting [s]."""
 END_S: Final = 2.0
@@ -38,7 +38,7 @@ class RerunLiveConfig(Config):
     host: str = Field("127.0.0.1", description="Address to serve at; 0.0.0.0 for other machines [-].")
     port: int = Field(9876, ge=0, le=65535, description="Port to serve at; 0 for a free one [-].")
     memory_mb: int = Field(
-        512, ge=16, le=65536, description="What viewer or server keep; then the oldest frames go [MB]."
+        1024, ge=16, le=65536, description="What viewer or server keep; then the oldest frames go [MB]."
     )
     max_hz: float = Field(
         30.0, gt=0, le=1000, description="Most pictures sent a second; curves have all [Hz]."
