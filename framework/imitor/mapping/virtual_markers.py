@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from imitor.ik.vectors import skew
 from imitor.mapping.scaled_model import ScaledModel
+from imitor.robot.model import quaternion_of
 from imitor.types import ROLE_INDEX, SIDES, Array, HumanFrame
 
 PARTS = ("upper_arm", "forearm", "hand")
@@ -173,8 +173,8 @@ class Criterion:
 
 def _quaternion(R: Array) -> tuple[Array, float]:
     """Return vector and scalar part of a rotation's quaternion."""
-    q = pin.Quaternion(np.ascontiguousarray(R)).coeffs()
-    return np.array(q[:3]), float(q[3])
+    q = quaternion_of(np.ascontiguousarray(R))
+    return q[:3], float(q[3])
 
 
 __all__ = ["PARTS", "Arms", "Criterion", "Weights", "arms_of"]

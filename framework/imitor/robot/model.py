@@ -28,6 +28,7 @@ BASE_NQ: Final = 7
 BASE_NV: Final = 6
 DEFAULT_SPEED: Final = 10.0  # [rad/s], where neither model nor card says
 _IDENTITY: Final = np.eye(4)
+_ORIGIN: Final = np.zeros(3)
 V = TypeVar("V")
 
 
@@ -370,9 +371,7 @@ class RobotModel:
         R, base = self._rotation[role], self._base_position
         turn = pose[:3, :3].dot(R.T)  # takes the frame where it is to where it shall be
         q[:3] = pose[:3, 3] + turn.dot(base - self._position[role])
-        quaternion = pin.Quaternion(turn.dot(self._base_rotation))
-        quaternion.normalize()  # or rounding errors would grow from frame to frame
-        q[3:7] = quaternion.coeffs()
+        q[3:7] = quaternion_of(turn.dot(self._base_rotation))
         self.update(q)
 
     def integrate(self, q: Array, v: Array) -> Array:
@@ -420,6 +419,16 @@ class RobotModel:
         """
         if self._growth is not None:
             self._growth.apply(self.model, share)
+
+
+def quaternion_of(R: Array) -> Array:
+    """Return the unit quaternion x y z w of a rotation matrix, shape (4,).
+
+    By way of a pose, since Pinocchio 3.8 loses 80 bytes for every ``Quaternion`` made from a matrix. Its length is made
+    one, or rounding errors would grow from frame to frame.
+    """
+    quaternion: Array = pin.SE3ToXYZQUAT(pin.SE3(R, _ORIGIN))[3:]
+    return np.asarray(quaternion / np.sqrt(quaternion.dot(quaternion)))
 
 
 def _build(card: RobotCard, files: ModelFiles) -> pin.Model:
