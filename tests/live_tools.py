@@ -46,6 +46,15 @@ class Kept(Sink[Config]):
         return np.array(self.q)[:, 7:]
 
 
+def heeds_interrupts(*arguments: str) -> list[str]:
+    """Return a command of imitor that heeds SIGINT, which a background job is started to ignore."""
+    code = (
+        "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+        "from imitor.cli import main; sys.exit(main(sys.argv[1:]))"
+    )
+    return [sys.executable, "-c", code, *arguments]
+
+
 def registry() -> Registry:
     """Return the built-in plugins and the robot of tests."""
     out = Registry(entry_points=False)

@@ -20,6 +20,7 @@ from imitor.errors import ImitorError
 from imitor.live.stream import Departure, Instant, Network, Sent, departures, instants, send
 from imitor.testing.live import Played
 from imitor.types import HumanFrame
+from live_tools import heeds_interrupts
 
 PERIOD_S = 0.01
 
@@ -344,7 +345,7 @@ def test_a_source_that_does_not_listen_is_no_protocol(capsys: pytest.CaptureFixt
 
 
 def test_interruption_says_what_was_sent() -> None:
-    command = [sys.executable, "-m", "imitor.cli", "stream", *STAND, "--to", "127.0.0.1:9", "--loop"]
+    command = heeds_interrupts("stream", *STAND, "--to", "127.0.0.1:9", "--loop")
     with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as child:
         assert child.stderr is not None
         first = child.stderr.readline()

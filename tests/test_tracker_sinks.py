@@ -9,7 +9,6 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -27,6 +26,7 @@ from imitor.plugins.robots.sonic_zmq import SonicZmq
 from imitor.plugins.robots.twist2_redis import Twist2Redis
 from imitor.plugins.robots.udp_json import UdpJson, UdpJsonConfig
 from imitor.testing import make_robot
+from live_tools import heeds_interrupts
 from sink_peers import RATE_HZ, moved, opened, records, run_of, written
 
 G1 = make_robot()
@@ -118,7 +118,7 @@ def test_ctrl_c_leaves_the_robot_where_it_is(tmp_path: Path, listener: socket.so
         if b"imitor-joints" not in (datagram := listener.recv(2048)):
             commands.append(decode(datagram))
 
-    with subprocess.Popen([sys.executable, "-m", "imitor.cli", *command.split(), str(tmp_path)]) as running:
+    with subprocess.Popen(heeds_interrupts(*command.split(), str(tmp_path))) as running:
         while not commands or commands[-1].status != "ok":  # on the way to the first command it is held
             hear()
         running.send_signal(signal.SIGINT)
