@@ -129,7 +129,7 @@ def test_ctrl_c_leaves_the_robot_where_it_is(tmp_path: Path, listener: socket.so
             hear()
     assert [c.seq for c in commands] == sorted({c.seq for c in commands})
     step = np.abs(np.subtract(commands[-1].position, commands[-2].position)).max()
-    assert step < 1e-3  # the same again; one more step if it came between thinking and sending
+    assert step < 0.02  # the same again; one more step if it came between thinking and sending
     assert json.loads((tmp_path / "metrics.json").read_text())["status"] == "interrupted"
 
 

@@ -19,6 +19,7 @@ from imitor.metrics.run import Run
 from imitor.pipeline import Pipeline
 from imitor.record import Motion, Recorder, Reference
 from imitor.registry import Registry
+from imitor.safety.tracking import Request
 from imitor.spec import load_pipeline
 from imitor.types import SIDES, Array, BoolArray, HumanFrame
 from imitor.visual.clip import make_clip
@@ -131,10 +132,10 @@ class Stopwatch(Pipeline):
         self.stage_s = np.zeros(len(self.names))
         self._steps = [(where, self._timed(where, step)) for where, step in self._steps]
 
-    def step(self, frame: HumanFrame) -> HumanFrame:
+    def step(self, frame: HumanFrame, request: Request = Request.NONE) -> HumanFrame:
         """Compute a command, from 0 on the clocks."""
         self.stage_s[:] = 0.0
-        return super().step(frame)
+        return super().step(frame, request)
 
     def _timed(self, where: str, step: Any) -> Any:
         i = self.names.index(where.rsplit(maxsplit=1)[-1])
