@@ -69,7 +69,15 @@ class Output(threading.Thread):
             self.join(5.0)
 
     def run(self) -> None:
-        """Send until closed or until a sink fails."""
+        """Send until closed or until a sink, or something else, fails."""
+        try:
+            self._run()
+        except Exception as error:  # a robot without commands is not to go unnoticed
+            self.error = SinkError(
+                f"{told(error)}. The frames before are kept.", frame=self.sent, stage="commands"
+            )
+
+    def _run(self) -> None:
         clock = time.perf_counter
         goal = self.box.take(0.2)
         while goal is None:
