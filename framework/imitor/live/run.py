@@ -145,6 +145,7 @@ class LiveRun:
     def _steps(self, max_frames: int | None, done: Callable[[int], None]) -> None:
         start = time.perf_counter()
         steps, rest = Steps(self.pipeline.rate_hz, start), _Rest(self.pipeline)
+        self.source.take()  # came while robots were reached: too old to begin with
         while not rest.over:
             arrival = self._next(steps)
             begin = time.perf_counter()
