@@ -330,6 +330,29 @@ def test_robots_are_finished_first_and_all_sinks_whatever_fails(error: BaseExcep
     assert told(error) in result.message or result.status == "interrupted"
 
 
+class Closes(Kept):
+    """Notes that it is closed."""
+
+    name = "closes"
+    closed = 0
+
+    def close(self) -> None:
+        Closes.closed += 1
+
+
+def test_an_interrupt_before_the_first_frame_closes_what_was_opened(tmp_path: Path) -> None:
+    def started(pipeline: Pipeline) -> None:
+        raise KeyboardInterrupt
+
+    plugins = Registry(entry_points=False)
+    plugins.add(Closes, "tests")
+    spec = load_pipeline("retarget", plugins, add_sinks=["closes"])
+    closed = Closes.closed
+    result = run(spec, plugins, out_dir=tmp_path / "run", started=started)
+    assert result.status == "interrupted"
+    assert Closes.closed == closed + 1
+
+
 # ---------------------------------------------------------------- the operator's terminal
 
 

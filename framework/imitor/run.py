@@ -94,9 +94,6 @@ def run(
             with contextlib.suppress(OSError):  # leave no empty folder behind
                 result.out_dir.rmdir()
             raise
-        if started is not None:
-            started(pipeline)
-        registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
 
         def finished(frames: int) -> None:
             result.frames = frames
@@ -105,8 +102,12 @@ def run(
             if progress is not None:
                 progress(frames, pipeline.n_frames if max_frames is None else max_frames)
 
-        live = _live_run(pipeline, sinks, result, operator)
-        try:
+        live: LiveRun | None = None
+        try:  # from here on sinks are open, robots reached: whatever happens, they are finished
+            if started is not None:
+                started(pipeline)
+            registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
+            live = _live_run(pipeline, sinks, result, operator)
             if live is None:
                 for i, record in enumerate(pipeline.records(max_frames)):
                     for where, sink in sinks:
