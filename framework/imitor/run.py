@@ -17,6 +17,7 @@ from imitor.kinds import Record, RunInfo, Sink
 from imitor.pipeline import Pipeline
 from imitor.record import MOTION_FILE
 from imitor.registry import Registry
+from imitor.safety.tracking import OPERATOR
 from imitor.spec import PipelineSpec
 
 if TYPE_CHECKING:
@@ -160,7 +161,7 @@ def _stop_message(pipeline: Pipeline) -> str:
     times = "" if tracking.report.stops == 1 else f"; {tracking.report.stops} stops in all"
     remedy = (
         "; to go on once all is seen again: --set tracking.resume=automatic"
-        if tracking.options.resume == "request"
+        if tracking.options.resume == "request" and tracking.why != OPERATOR
         else ""
     )
     return (

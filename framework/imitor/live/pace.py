@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-EARLY: Final = 0.05
+EARLY: Final = 0.02
 LATE: Final = 0.25
 """By so much of a period a command may leave before or after its time on the grid, when it is ready then [-]."""
+APART: Final = 0.97
+"""After a late command the grid moves: the next time is so much of a period away at least [-]."""
 _GAIN: Final = 0.1
 _MOST: Final = 0.01
 """Share of a period by which the grid is shifted in one step, so that arrivals come at their time [-]."""
@@ -84,7 +86,7 @@ class Grid:
             error = (ready_s - self.next_s) / period
             error -= round(error)
             shift = period * max(-_MOST, min(_MOST, _GAIN * error))
-        self.next_s = max(self.next_s + period + shift, now_s + (1.0 - LATE - EARLY) * period)
+        self.next_s = max(self.next_s + period + shift, now_s + APART * period)
 
 
 __all__ = ["EARLY", "LATE", "Grid", "Steps"]
