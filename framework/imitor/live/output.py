@@ -125,6 +125,8 @@ class Output(threading.Thread):
             self._closing.wait(wait)
         until = grid.latest_s if self._steps < 1.5 else grid.next_s
         new = self.box.take(max(until - clock(), 0.0))
+        if new is not None and self._steps < 1.5 and grid.is_old(new.ready_s):
+            new = self.box.take(max(until - clock(), 0.0)) or new
         if new is None or self._steps < 1.5:
             return new is not None, new or goal
         wait = grid.next_s - clock()
