@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from imitor.kinds import Context
 from imitor.mapping.normalized import ArmPlane, NormalizedBody
+from imitor.mapping.scaling_mapper import SegmentScalingConfig
 from imitor.plugins.mappers.normalized_model import NormalizedModel
-from imitor.plugins.mappers.segment_scaling import SegmentScalingConfig
 from imitor.plugins.sources.performer import Performer, PerformerConfig
 from imitor.robot.model import RobotModel
 from imitor.tasks import TaskStack

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from imitor import Component, HumanFrame, TaskKind, TaskStack, hookimpl
-from imitor.plugins.mappers.segment_scaling import SegmentScaling
+from imitor.mapping.scaling_mapper import ScalingMapper
 from imitor.types import ROLE_INDEX, ROLES, SIDES
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ NEEDED = ("head", *(f"{s}_{r}" for s in SIDES for r in ("shoulder", "elbow", "wr
 """Points of the model that it does not go on without, of those that the recording has."""
 
 
-class NormalizedModel(SegmentScaling):
+class NormalizedModel(ScalingMapper):
     """The human as positions of head, wrists and feet and normals of virtual planes [montecillo2010] eqs. 1, 2, 5, 6.
 
     Works with markers (planes through three markers of head, thorax and pelvis), with orientations, or with points
@@ -31,7 +31,7 @@ class NormalizedModel(SegmentScaling):
 
     name = "normalized_model"
     declares: Mapping[str, TaskKind] = {  # type: ignore[misc]
-        **SegmentScaling.declares,
+        **ScalingMapper.declares,
         **{f"{part}_vector": TaskKind.VECTOR for part in _PARTS},
         "left_wrist": TaskKind.POSE,
         "right_wrist": TaskKind.POSE,
