@@ -10,6 +10,7 @@ limits of the card. Memory is the resident set of this process; warm-up is the f
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -75,6 +76,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="single_leg_balance")
     parser.add_argument("--rate", type=float, default=100.0)
     parser.add_argument("--port", type=int, default=9881)
+    parser.add_argument("--json", type=Path, help="write what was found to this file too")
     for name, value in (("loss", 2.0), ("jitter", 20.0), ("reorder", 2.0)):
         parser.add_argument(f"--{name}", type=float, default=value)
     args = parser.parse_args()
@@ -111,34 +113,37 @@ def main() -> None:
             result = run(spec, registry, out_dir=Path(folder) / "run", operator=operator, observe=observe)
     finally:
         sender.kill()
-    report(result.status, result.message, result.metrics, memory, args.minutes)
+    found = report(result.status, result.message, result.metrics, memory, args.minutes)
+    for name, value in found.items():
+        print(f"{name}: {value}")
+    if args.json:
+        args.json.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
 def report(
     status: str, message: str, metrics: dict[str, Any], memory: list[tuple[float, float]], minutes: float
-) -> None:
-    """Print what was found."""
+) -> dict[str, Any]:
+    """Return what was found."""
     live, checked = metrics["live"], Checked.last
     warm_s = min(120.0, 6.0 * minutes)
     after = [mb for at, mb in memory if at >= warm_s]
-    growth = 100 * (after[-1] / after[0] - 1) if len(after) > 1 else float("nan")
-    for name, value in {
+    return {
         "ended": f"{status} {message}".strip(),
         "steps": live["steps"],
         "steps without a frame": live["without_frame"],
         "steps longer than a period": live["overruns"],
         "commands": checked.commands,
-        "commands not finite, outside limits, too fast": f"{checked.not_finite}, {checked.outside}, {checked.too_fast}",
+        "commands not finite": checked.not_finite,
+        "commands outside limits": checked.outside,
+        "commands too fast": checked.too_fast,
         "commands scaled by the output's guard": live["output"]["guard_scaled"],
         "reception": live["reception"],
         "tracking": metrics["tracking"],
         "latency to command": live["output"]["latency"],
         "latency to solution": live["latency_to_solution"],
-        "memory after warm-up, at the end": f"{after[0]:.1f} MB, {after[-1]:.1f} MB ({growth:+.1f} %)"
-        if after
-        else "-",
-    }.items():
-        print(f"{name}: {value}")
+        "memory after warm-up, at the end [MB]": [round(after[0], 1), round(after[-1], 1)],
+        "memory grown [%]": round(100 * (after[-1] / after[0] - 1), 2),
+    }
 
 
 if __name__ == "__main__":

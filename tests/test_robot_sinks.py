@@ -18,7 +18,7 @@ from imitor.commands.robot_sink import BlindConfig, BlindRobotSink, Hiccup, Robo
 from imitor.errors import SinkError, UnknownJoint
 from imitor.kinds import Sink
 from imitor.testing import make_robot
-from imitor.types import Array
+from imitor.types import STATUS, Array
 from sink_peers import RATE_HZ, moved, opened, records, run_of, written
 
 
@@ -300,3 +300,17 @@ def test_an_order_fits_one_robot_alone() -> None:
         SinkError, match=r"^X moves 28 joints, and robot 'unitree_g1' has right_wrist_yaw_joint besides"
     ):
         places(G1, G1.joint_names[:-1], "X")
+
+
+@pytest.mark.usefixtures("elsewhere")
+def test_a_stop_holds_the_robot_on_its_way_to_the_first_command_too(tmp_path: Path) -> None:
+    run = run_of(tmp_path, G1)
+    sink = opened(Toy, run, armed=True)
+    written(sink, run, [G1.standing] * 10)
+    stopped_at = sink.told[-1]
+    written(sink, run, [G1.standing] * 10, status=STATUS.index("stopped"))
+    assert np.array_equal(sink.told, [*sink.told[:10], *[stopped_at] * 10])
+    written(sink, run, [G1.standing] * 200)
+    knee = np.array(sink.told)[:, KNEE]
+    assert np.abs(np.diff(knee)).max() <= 0.5 / RATE_HZ + 1e-9  # and goes on as slowly
+    assert sink.told[-1] == pytest.approx(G1.standing[7:])

@@ -69,6 +69,21 @@ def test_operators_stop_and_pause_wait_for_the_operator() -> None:
     assert found == "t" * 10 + "z" * 30 + "r" + "t" * 39
 
 
+def test_a_pause_while_stopped_or_waiting_is_heeded_too() -> None:
+    text = "+" + "-" * 30 + "+" * 30
+    found = letters(states(text, {25: Request.PAUSE, 50: Request.RESUME}, stop_s=0.2, stable_s=0.1))
+    assert found[21:51] == "s" * 29 + "r"
+    found = letters(states("-" * 5 + "+" * 40, {2: Request.PAUSE, 30: Request.RESUME}, stable_s=0.1))
+    assert found == "ww" + "z" * 28 + "r" + "t" * 14
+
+
+def test_what_the_operator_stops_is_no_loss() -> None:
+    machine = Tracking(TrackingOptions())
+    machine.step(0.0, True)
+    machine.step(DT, True, Request.STOP)
+    assert (machine.report.stops, machine.report.losses) == (1, 0)
+
+
 def test_without_times_a_loss_is_a_stop_at_once() -> None:
     machine = Tracking(TrackingOptions(predict_s=0.0, stop_s=0.0, resume="request"))
     assert machine.step(0.0, True) is State.TRACKING
@@ -100,7 +115,7 @@ def test_the_robot_follows_nobody_who_is_not_seen(
         if state in (State.TRACKING, State.RETURNING):
             assert seen
         if not ever:
-            assert state in (State.WAITING, State.STOPPED)
+            assert state in (State.WAITING, State.STOPPED, State.PAUSED)
         elif lost * DT > stop_s + 1e-6:
             assert state in (State.STOPPED, State.PAUSED)
         if state is State.PREDICTING:
@@ -199,6 +214,21 @@ def test_a_hand_that_jumps_is_lost_and_comes_back_by_a_blend() -> None:
     assert gate.rejected == 3
     assert np.abs(np.diff(seen)).max() <= 0.5 * DT * 1.01
     assert seen[-1] == pytest.approx(0.73)
+
+
+def test_a_hand_that_jumps_while_the_other_comes_back_is_blended_too() -> None:
+    gate, following = Teleport(20.0), Following(TrackingOptions(blend_m_s=0.5), DT)
+    hands = [ROLE_INDEX["left_hand"], ROLE_INDEX["right_hand"]]
+    path = []
+    for k in range(400):
+        frame = person(k * DT)
+        frame.position[hands[0], 0] += 0.73 * (k >= 50)
+        frame.position[hands[1], 0] += 0.6 * (k >= 100) - 0.5 * (k >= 150)
+        path.append(following.step(gate.step(frame), State.TRACKING, gate.left).position[hands, 0])
+    for column in np.array(path).T:
+        seen = column[np.isfinite(column)]
+        assert np.abs(np.diff(seen)).max() <= 0.5 * 5 * DT  # over the frames in which it was taken for lost
+    assert path[-1] == pytest.approx([0.73, 0.1])
 
 
 def test_a_human_who_moves_fast_is_not_refused() -> None:

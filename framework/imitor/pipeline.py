@@ -60,6 +60,7 @@ class Pipeline:
         stack: The tasks.
         guard: What every command passes.
         tracking: Where the tracking of the person stands.
+        begun: Whether the robot has followed somebody; until then it stands.
         rate_hz: How often a configuration is computed [Hz].
         n_frames: Number of commands, when known.
     """
@@ -198,6 +199,7 @@ class Pipeline:
         self.state = Configuration(self.robot.standing.copy(), np.ones(2, dtype=bool))
         self.robot.update(self.state.q)
         self._index = 0
+        self.begun = False
         self._last_seen: HumanFrame | None = None
         self._record = Record(0, 0.0, None, self.stack, self.state)  # type: ignore[arg-type]
         self._humans: deque[HumanFrame] = deque(
@@ -239,11 +241,13 @@ class Pipeline:
             where = "tracking"
             tracked, frame = self._follow(frame, request)
             state = self.state
-            if tracked is State.STOPPED:
+            first = not self.begun
+            self.begun = self.begun or tracked in (State.TRACKING, State.RETURNING)
+            if tracked is State.STOPPED or not self.begun:
                 self._keep_command()
             else:
                 state.status = 0
-                for where, step in self._first_steps if self._index == 0 else self._steps:  # noqa: B007
+                for where, step in self._first_steps if first else self._steps:  # noqa: B007
                     step(frame, state)
             where = "guard"
             self.guard.apply(self.stack, state)
@@ -276,7 +280,7 @@ class Pipeline:
         if state.sent is not None:
             state.q[:] = state.sent
         self.robot.update(state.q)
-        state.status = STOPPED
+        state.status = HELD
 
     def records(self, max_frames: int | None = None) -> Iterator[Record]:
         """Yield a record for each frame of a recording; it is the same object each time, valid until the next.

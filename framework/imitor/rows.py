@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -57,7 +58,11 @@ class Rows:
 
     def _flush(self) -> None:
         for name, rows in self._rows.items():
-            self._files[name].write(rows[: self._count].tobytes())
+            file = self._files[name]
+            file.seek(self._written * rows[:1].nbytes)  # begins again where a full disk stopped it
+            file.write(rows[: self._count].tobytes())
+            file.flush()
+        for rows in self._rows.values():
             rows[:] = 0
         self._written += self._count
         self._count = 0
@@ -70,7 +75,6 @@ class Rows:
         out: dict[str, NDArray[Any]] = {}
         for name, rows in self._rows.items():
             shape, file = (self._written, *rows.shape[1:]), self._files[name]
-            file.flush()
             whole = int(np.prod(shape)) > 0
             out[name] = (
                 np.memmap(file, rows.dtype, "r", shape=shape) if whole else np.zeros(shape, rows.dtype)
@@ -84,7 +88,8 @@ class Rows:
     def close(self) -> None:
         """Give the disk space back; safe to call again."""
         for file in self._files.values():
-            file.close()
+            with contextlib.suppress(OSError):  # what a full disk did not take is not missed now
+                file.close()
 
 
 __all__ = ["BLOCK", "Rows"]

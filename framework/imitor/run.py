@@ -6,7 +6,7 @@ import contextlib
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ from imitor.kinds import Record, RunInfo, Sink
 from imitor.pipeline import Pipeline
 from imitor.record import MOTION_FILE
 from imitor.registry import Registry
+from imitor.safety.tracking import OPERATOR
 from imitor.spec import PipelineSpec
 
 if TYPE_CHECKING:
@@ -94,9 +95,6 @@ def run(
             with contextlib.suppress(OSError):  # leave no empty folder behind
                 result.out_dir.rmdir()
             raise
-        if started is not None:
-            started(pipeline)
-        registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
 
         def finished(frames: int) -> None:
             result.frames = frames
@@ -105,8 +103,12 @@ def run(
             if progress is not None:
                 progress(frames, pipeline.n_frames if max_frames is None else max_frames)
 
-        live = _live_run(pipeline, sinks, result, operator)
-        try:
+        live: LiveRun | None = None
+        try:  # from here on sinks are open, robots reached: whatever happens, they are finished
+            if started is not None:
+                started(pipeline)
+            registry.announce("started", {"pipeline": spec.name, "out_dir": result.out_dir})
+            live = _live_run(pipeline, sinks, result, operator)
             if live is None:
                 for i, record in enumerate(pipeline.records(max_frames)):
                     for where, sink in sinks:
@@ -159,7 +161,7 @@ def _stop_message(pipeline: Pipeline) -> str:
     times = "" if tracking.report.stops == 1 else f"; {tracking.report.stops} stops in all"
     remedy = (
         "; to go on once all is seen again: --set tracking.resume=automatic"
-        if tracking.options.resume == "request"
+        if tracking.options.resume == "request" and tracking.why != OPERATOR
         else ""
     )
     return (
@@ -220,10 +222,12 @@ def _open_sinks(
             apart = info.live and (sink.realtime or sink.newest)  # they look at the robot from another thread
             rate_hz = pipeline.output_hz if info.live and sink.realtime else info.rate_hz
             sink.open(replace(info, robot=pipeline.robot.twin(), rate_hz=rate_hz) if apart else info)
-        except Exception as error:  # nothing was run yet: what is wrong with a sink is wrong with the input
+        except BaseException as error:  # nothing was run yet: a sink's fault is one of the input
             for _, opened in sinks[: sinks.index((where, sink))]:  # a robot is connected by now
                 with contextlib.suppress(Exception):
                     opened.close()
+            if not isinstance(error, Exception):
+                raise
             raise ImitorError(f"{where}: {told(error)}") from error
     return sinks
 
@@ -252,26 +256,15 @@ def _finish(
     extra: dict[str, Any] = {}
     if live is not None:
         extra["live"] = live.figures()
-        try:
+    robots = [item for item in sinks if item[1].realtime]  # first of all: they are to be at rest
+    for where, sink in robots:
+        _finish_sink(where, sink, result, extra)
+    if live is not None:
+        with _finishing("what was received", result):
             result.files += live.save()
-        except SinkError as error:
-            result.status, result.message = "failed", result.message or told(error)
-    for where, sink in reversed(sinks):  # the motion first: whatever fails later, it is there
-        try:
-            report = sink.finish()
-            result.files += report.files
-            extra.update(report.figures)
-        except KeyboardInterrupt:
-            result.status, result.message = "interrupted", f"{where}: interrupted while finishing"
-        except Exception as error:
-            text = f"{where}: {told(error)}"
-            if result.status == "done":
-                result.status, result.message = "failed", text
-            else:
-                log.error(text)
-        finally:
-            with contextlib.suppress(Exception):
-                sink.close()
+    for where, sink in reversed(sinks):  # then the motion: whatever fails later, it is there
+        if not sink.realtime:
+            _finish_sink(where, sink, result, extra)
     try:
         path = result.out_dir / "pipeline.yaml"
         with atomic(path) as temporary:
@@ -290,6 +283,32 @@ def _finish(
     except Exception as error:
         result.status = "failed" if result.status == "done" else result.status
         result.message = result.message or f"the motion is kept, but cannot be measured: {told(error)}"
+
+
+def _finish_sink(where: str, sink: Sink[Any], result: RunResult, extra: dict[str, Any]) -> None:
+    try:
+        with _finishing(where, result):
+            report = sink.finish()
+            result.files += report.files
+            extra.update(report.figures)
+    finally:
+        with contextlib.suppress(Exception):
+            sink.close()
+
+
+@contextlib.contextmanager
+def _finishing(where: str, result: RunResult) -> Iterator[None]:
+    """Let what fails at the end, or is interrupted, leave the rest its turn."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        result.status, result.message = "interrupted", f"{where}: interrupted while finishing"
+    except Exception as error:
+        text = f"{where}: {told(error)}"
+        if result.status == "done":
+            result.status, result.message = "failed", text
+        else:
+            log.error(text)
 
 
 def _measure(

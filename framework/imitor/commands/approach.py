@@ -49,6 +49,10 @@ class Approach:
         time_s = float((_PEAK * np.abs(first - self._from) / self._blend_speed).max(initial=0.0))
         self._steps = math.ceil(time_s / self._dt_s - _ROUNDING)
 
+    def stay(self) -> Array:
+        """Return where the robot was told to be last; the way goes on with the next `step` [rad]."""
+        return self._last
+
     def step(self, target: Array) -> Array:
         """Return what the robot is told now, for a command of shape (n,) [rad]."""
         if self._steps < 0:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from imitor.robot.model import RobotModel
 
 log = logging.getLogger("imitor")
-HELD: Final = STATUS.index("held")
+HELD, STOPPED = STATUS.index("held"), STATUS.index("stopped")
 _BEYOND_RAD: Final = 0.2
 """A robot that tells a posture farther beyond its limits is not the robot of the card [rad]."""
 
@@ -220,7 +220,12 @@ class RobotSink(Sink[C]):
             self._pace.wait()
         c = self.command
         told = q.copy()
-        told[N_BASE:] = self._approach.step(np.clip(q[N_BASE:], self._lower, self._upper))
+        if (
+            status == STOPPED and not self._approach.done
+        ):  # a stop counts on the way to the first command, too
+            told[N_BASE:] = self._approach.stay()
+        else:
+            told[N_BASE:] = self._approach.step(np.clip(q[N_BASE:], self._lower, self._upper))
         c.v[:] = self.run.robot.difference(c.q, told)
         c.v /= self._dt_s
         c.q, c.status, c.time_s = told, status, record.time_s

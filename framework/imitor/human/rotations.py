@@ -56,11 +56,20 @@ def exponential(v: Array) -> Array:
 
 
 def logarithm(R: Array) -> Array:
-    """Rotation vectors (T, 3) [rad] of ``R``; for angles below a half turn."""
+    """Rotation vectors (T, 3) [rad] of ``R``; of a half turn one of the two."""
     w = 0.5 * np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
     sine = np.sqrt(np.einsum("ti,ti->t", w, w))
     angle = np.arctan2(sine, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
-    return np.asarray(w / np.sinc(angle / np.pi)[:, None])
+    out = np.asarray(w / np.sinc(angle / np.pi)[:, None])
+    half = angle > np.pi - 1e-4  # the sine tells no axis there: (R + R^T) / 2 = cos I + (1 - cos) a a^T does
+    if half.any():
+        c = np.cos(angle[half])[:, None, None]
+        square = (0.5 * (R[half] + R[half].transpose(0, 2, 1)) - c * np.eye(3)) / (1.0 - c)
+        rows = np.arange(len(square))
+        axis = unit(square[rows, np.einsum("tii->ti", square).argmax(axis=1)])
+        along = np.where(np.einsum("ti,ti->t", axis, w[half]) < 0, -1.0, 1.0)
+        out[half] = (along * angle[half])[:, None] * axis
+    return out
 
 
 def blend(R0: Array, R1: Array, share: Array) -> Array:

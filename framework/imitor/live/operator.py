@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 import threading
@@ -15,6 +16,7 @@ from imitor.safety.tracking import Request
 
 KEYS: Final = {"p": Request.PAUSE, " ": Request.PAUSE, "r": Request.RESUME, "s": Request.STOP}
 HELP: Final = "keys: p or space pause, r resume, s stop, q quit"
+_ESCAPE: Final = b"\x1b"
 _QUIT: Final = "q"
 _POLL_S: Final = 0.2
 
@@ -44,17 +46,21 @@ class Operator:
 
     @contextlib.contextmanager
     def on_interrupt(self) -> Iterator[None]:
-        """End the run at Ctrl-C or SIGTERM after the step that is being computed; a second Ctrl-C interrupts it."""
+        """End the run at Ctrl-C, SIGTERM or a lost terminal after this step; a second Ctrl-C interrupts it."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return
 
         def leave(number: int, frame: FrameType | None) -> None:
-            if self.interrupted:
+            if self.interrupted and number == signal.SIGINT:
                 raise KeyboardInterrupt
             self.quits = self.interrupted = True
 
-        before = {s: signal.signal(s, leave) for s in (signal.SIGINT, signal.SIGTERM)}
+        ends = [signal.SIGINT, signal.SIGTERM]
+        hang_up = getattr(signal, "SIGHUP", None)
+        if hang_up is not None and signal.getsignal(hang_up) is not signal.SIG_IGN:  # nohup ignores it
+            ends.append(hang_up)
+        before = {s: signal.signal(s, leave) for s in ends}
         try:
             yield
         finally:
@@ -106,15 +112,25 @@ class _Keys(threading.Thread):
 
         while not self._closing.is_set():
             ready, _, _ = select.select([sys.stdin], [], [], _POLL_S)
-            if ready:
-                self._operator.press(sys.stdin.read(1).lower())
+            if not ready:
+                continue
+            try:
+                pressed = os.read(sys.stdin.fileno(), 64)  # all that was: none waits for the next key
+            except OSError:
+                return
+            if not pressed:  # the terminal went away
+                return
+            if not pressed.startswith(_ESCAPE):  # F3 is no r
+                for key in pressed.decode(errors="ignore").lower():
+                    self._operator.press(key)
 
     def end(self) -> None:
         import termios
 
         self._closing.set()
         self.join(1.0)
-        termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
+        with contextlib.suppress(termios.error, OSError, ValueError):  # it went away
+            termios.tcsetattr(sys.stdin, termios.TCSADRAIN, self._before)
 
 
 __all__ = ["HELP", "KEYS", "Operator"]

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 from imitor.errors import SinkError, told
 from imitor.kinds import Sink
@@ -19,13 +20,16 @@ from imitor.tasks import TaskStack
 from imitor.types import STATUS, Array
 
 HELD = STATUS.index("held")
+_LATE: Final = 1.5
+"""A solution that takes so many times as long as it should is late [-]."""
 
 
 class Output(threading.Thread):
     """Sends commands to the robot sinks.
 
-    Between two solved configurations commands go along the straight line, over the time between solutions. Where
-    nothing was solved in time the last one stays the goal, and after ``hold_s`` commands are marked as held.
+    Between two solved configurations commands go along the straight line, over the time between solutions, also where
+    that is longer than it should be, but not over more than ``hold_s``. Where nothing was solved in time the last one
+    stays the goal, and after ``hold_s`` commands are marked as held.
 
     Args:
         robot: A robot of its own.
@@ -53,6 +57,7 @@ class Output(threading.Thread):
         self._robot, self._stack, self._sinks = robot, stack.twin(), sinks
         self._rate_hz, self._hold_s = rate_hz, hold_s
         self._steps = max(1.0, rate_hz / solved_hz)
+        self._ready_s = math.nan
         self._guard = Guard(robot, 1.0 / rate_hz)
         self._closing = threading.Event()
 
@@ -69,7 +74,15 @@ class Output(threading.Thread):
             self.join(5.0)
 
     def run(self) -> None:
-        """Send until closed or until a sink fails."""
+        """Send until closed or until a sink, or something else, fails."""
+        try:
+            self._run()
+        except Exception as error:  # a robot without commands is not to go unnoticed
+            self.error = SinkError(
+                f"{told(error)}. The frames before are kept.", frame=self.sent, stage="commands"
+            )
+
+    def _run(self) -> None:
         clock = time.perf_counter
         goal = self.box.take(0.2)
         while goal is None:
@@ -78,12 +91,12 @@ class Output(threading.Thread):
             goal = self.box.take(0.2)
         mirror = Mirror(self._stack, goal)
         state = mirror.state
-        line = _Line(goal.q, self._steps, self._robot)
+        line = _Line(goal.q, self._robot)
         start, grid, fresh = clock(), Grid(self._rate_hz, clock()), True
         while not self._closing.is_set():
             ready = goal.ready_s if fresh else None
             if fresh:
-                line.aim(state.q if self.sent else goal.q, goal.q)
+                line.aim(state.q if self.sent else goal.q, goal.q, self._steps_to(goal))
                 mirror.take(goal)
             line.step(state.q)
             now = clock()
@@ -98,6 +111,12 @@ class Output(threading.Thread):
             grid.left(now, ready)
             fresh, goal = self._next(grid, goal)
 
+    def _steps_to(self, goal: Solved) -> float:
+        """Return in how many commands a solution is reached: more when it comes late."""
+        between, self._ready_s = (goal.ready_s - self._ready_s) * self._rate_hz, goal.ready_s
+        late = between > _LATE * self._steps  # false for the first one, NaN
+        return max(self._steps, min(between, self._hold_s * self._rate_hz)) if late else self._steps
+
     def _next(self, grid: Grid, goal: Solved) -> tuple[bool, Solved]:
         """Wait for the next time on the grid; return whether there is a new goal, and the goal."""
         clock = time.perf_counter
@@ -106,6 +125,8 @@ class Output(threading.Thread):
             self._closing.wait(wait)
         until = grid.latest_s if self._steps < 1.5 else grid.next_s
         new = self.box.take(max(until - clock(), 0.0))
+        if new is not None and self._steps < 1.5 and grid.is_old(new.ready_s):
+            new = self.box.take(max(until - clock(), 0.0)) or new
         if new is None or self._steps < 1.5:
             return new is not None, new or goal
         wait = grid.next_s - clock()
@@ -148,12 +169,13 @@ class Output(threading.Thread):
 class _Line:
     """The way from one configuration to the next in equal steps."""
 
-    def __init__(self, q: Array, steps: float, robot: RobotModel) -> None:
+    def __init__(self, q: Array, robot: RobotModel) -> None:
         self._from, self._to = q.copy(), q.copy()
-        self._steps, self._done, self._robot = steps, steps, robot
+        self._steps, self._done, self._robot = 1.0, 1.0, robot
 
-    def aim(self, start: Array, goal: Array) -> None:
-        self._from[:], self._to[:], self._done = start, goal, 0.0
+    def aim(self, start: Array, goal: Array, steps: float) -> None:
+        self._from[:], self._to[:] = start, goal
+        self._steps, self._done = steps, 0.0
 
     def step(self, q: Array) -> None:
         """Write the next configuration; at the end it stays."""

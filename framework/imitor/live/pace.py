@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from typing import Final
 
-EARLY: Final = 0.05
+EARLY: Final = 0.02
 LATE: Final = 0.25
 """By so much of a period a command may leave before or after its time on the grid, when it is ready then [-]."""
+APART: Final = 0.7
+"""After a late command the grid moves: the next time is so much of a period away at least [-]."""
+READY: Final = 0.05
+"""The grid follows the arrivals so that commands are ready so much of a period after their time: they leave at once."""
 _GAIN: Final = 0.1
 _MOST: Final = 0.01
 """Share of a period by which the grid is shifted in one step, so that arrivals come at their time [-]."""
+_OLD: Final = 0.5
 _HURRY: Final = 0.98
 _BEHIND: Final = 0.5
 
@@ -71,6 +76,10 @@ class Grid:
         """When a command leaves that was not ready [s]."""
         return self.next_s + LATE * self.period_s
 
+    def is_old(self, ready_s: float) -> bool:
+        """Tell whether what is ready has waited so long that the next one is about to come."""
+        return ready_s < self.next_s - _OLD * self.period_s
+
     def left(self, now_s: float, ready_s: float | None) -> None:
         """Say that a command left.
 
@@ -82,9 +91,10 @@ class Grid:
         shift = 0.0
         if ready_s is not None:
             error = (ready_s - self.next_s) / period
+            error -= READY
             error -= round(error)
             shift = period * max(-_MOST, min(_MOST, _GAIN * error))
-        self.next_s = max(self.next_s + period + shift, now_s + (1.0 - LATE - EARLY) * period)
+        self.next_s = max(self.next_s + period + shift, now_s + APART * period)
 
 
 __all__ = ["EARLY", "LATE", "Grid", "Steps"]

@@ -138,8 +138,9 @@ class Receiver:
                 continue
             except ConnectionError:  # an earlier answer of ours found nobody
                 continue
-            except OSError:
-                return
+            except OSError:  # closed, or a network that went away and may come back
+                self._closing.wait(_POLL_S)
+                continue
             self.take(datagram, sender[0], clock())
 
     def close(self) -> None:

@@ -130,24 +130,33 @@ class LiveRun:
             for thread in threads:
                 thread.start()
             self._steps(max_frames, done)
+        except Exception:  # nothing is computed any more: the guard brakes on the way to the last solution
+            if self.output is not None and self.output.is_alive():
+                self.output.join(REST_S)
+            raise
         finally:
             for thread in threads:
                 thread.close()
             sys.setswitchinterval(switch)
             gc.unfreeze()
+        if self.output is not None and self.output.error is not None:  # it failed at the very end
+            raise self.output.error
 
     def _steps(self, max_frames: int | None, done: Callable[[int], None]) -> None:
         start = time.perf_counter()
         steps, rest = Steps(self.pipeline.rate_hz, start), _Rest(self.pipeline)
+        self.source.take()  # came while robots were reached: too old to begin with
         while not rest.over:
             arrival = self._next(steps)
             begin = time.perf_counter()
             time_s = begin - start
-            request = Request.NONE
-            if rest.began_s is None:
-                request = self.operator.take()
-                if self.operator.quits or (max_frames is not None and self.report.steps >= max_frames):
-                    request = rest.begin(time_s)
+            request = self.operator.take()
+            ends = self.operator.quits or (max_frames is not None and self.report.steps >= max_frames)
+            if rest.began_s is None and ends:
+                rest.begin(time_s)
+                request = request if request is Request.STOP else Request.PAUSE
+            elif rest.began_s is not None and request is not Request.STOP:  # a stop is never too late
+                request = Request.NONE
             frame = None if arrival is None else self.source.person(arrival, time_s)
             self._step(Tick(time_s, frame, str(request)), arrival, begin)
             rest.step(time_s)
@@ -183,7 +192,8 @@ class LiveRun:
         if self.output is not None or self.viewers is not None:
             solved = Solved.of(record, math.nan if arrival is None else arrival.at_s, ready)
             if self.output is not None:
-                self.output.box.put(solved)
+                if self.pipeline.begun:  # a robot is not moved before there is somebody to follow
+                    self.output.box.put(solved)
                 if self.output.error is not None:
                     raise self.output.error
             if self.viewers is not None:
@@ -196,7 +206,7 @@ class LiveRun:
         path = self._out_dir / RECEIVED_FILE
         try:
             self.recorder.save(path)
-        except OSError as error:
+        except (OSError, ValueError) as error:  # a full disk, also when what lies on it is mapped
             raise SinkError(f"cannot write {path}: {told(error)}") from error
         finally:
             self.recorder.close()
@@ -232,9 +242,8 @@ class _Rest:
         self.began_s: float | None = None
         self.over = False
 
-    def begin(self, time_s: float) -> Request:
+    def begin(self, time_s: float) -> None:
         self.began_s = time_s
-        return Request.PAUSE
 
     def step(self, time_s: float) -> None:
         if self.began_s is None:

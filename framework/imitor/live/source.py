@@ -17,7 +17,7 @@ from imitor.kinds import Config, Source
 from imitor.live.receiver import NO_USE, Arrival, Receiver, Reception, bind
 from imitor.live.sample import Decoder, Sample
 from imitor.live.sender import Encoder
-from imitor.types import HumanFrame
+from imitor.types import N_ROLES, HumanFrame, read_only
 
 NOMINAL_HZ: Final = (
     24,
@@ -46,6 +46,7 @@ NOMINAL_HZ: Final = (
 """Rates that capture systems send at [Hz]; a measured one that is near to one of these is that one."""
 _NEAR: Final = 0.04
 _LEAST_SAMPLES: Final = 3
+_NO_ORIENTATION: Final = read_only(np.full((N_ROLES, 3, 3), np.nan))
 
 
 class LiveConfig(Config):
@@ -89,6 +90,7 @@ class LiveSource(Source[C]):
     live = True
     config_type: ClassVar[type[Config]] = LiveConfig
     receiver: Receiver | None = None
+    _oriented: bool | None = None
 
     def decoder(self) -> Decoder:
         """Return a new decoder of the protocol."""
@@ -186,15 +188,24 @@ class LiveSource(Source[C]):
     def person(self, arrival: Arrival, time_s: float) -> HumanFrame | None:
         """Return the human frame of an instant; ``None``, and counted, when there is no sense in it.
 
+        Frames have orientations when the first one has, so that a recording tells all; NaN where there are none.
+
         Args:
             arrival: What arrived.
             time_s: The time that the frame is to bear [s].
         """
         try:
-            return self.human(arrival.sample, time_s)
+            frame = self.human(arrival.sample, time_s)
         except NO_USE:
             self.reception.malformed += 1
             return None
+        if self._oriented is None:
+            self._oriented = frame.orientation is not None
+        if not self._oriented:
+            frame.orientation = None
+        elif frame.orientation is None:
+            frame.orientation = _NO_ORIENTATION
+        return frame
 
     def frames(self) -> Iterator[HumanFrame]:
         """Yield frames as they arrive, by the time of their arrival; ends when nothing comes for ``wait_s``."""

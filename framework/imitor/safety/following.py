@@ -64,9 +64,10 @@ class Following:
     def _seen(self, frame: HumanFrame, left: Array | None) -> HumanFrame:
         if self._past and self._slowing is not None:
             self._way = _WayBack(self._past[-1], frame, self._options)
-        elif left is not None and self._way is None:
-            before = copied(frame, frame.time_s)
-            before.position = np.where(np.isnan(left), frame.position, left)
+        elif left is not None:  # also on the way back, from where that has come to
+            now = frame if self._way is None else self._way.step(frame)
+            before = copied(now, frame.time_s)
+            before.position = np.where(np.isnan(left), now.position, now.position - frame.position + left)
             self._way = _WayBack(before, frame, self._options)
         self._slowing = None
         if self._way is not None:

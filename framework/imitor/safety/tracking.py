@@ -7,7 +7,7 @@
 | predicting | tracking, returning | lost for at most ``predict_s``: the person goes on, slowing down |
 | holding | predicting | lost for longer: the person stands still |
 | stopped | holding, any | lost for longer than ``stop_s``, or the operator's stop: the last safe command stays |
-| paused | any but stopped | the operator's pause: the person slows down and stands still |
+| paused | any but stopped | the operator's pause: the person slows down and stands still; stopped waits for them too |
 | returning | predicting, holding, stopped, paused | seen again: from where the person was left to where they are |
 
 From *predicting* the person returns at once. From *holding* and *stopped* they must be seen for ``stable_s`` first,
@@ -182,9 +182,10 @@ class Tracking:
         if request is Request.STOP:
             self._asks, self._allowed = True, False
             return State.STOPPED
-        if request is Request.PAUSE and state is not State.STOPPED:
+        if request is Request.PAUSE:
             self._allowed = False
-            return State.PAUSED if state is not State.WAITING else state
+            self._asks = self._asks or state is State.STOPPED
+            return state if state is State.STOPPED else State.PAUSED
         if request is Request.RESUME and state in (State.STOPPED, State.PAUSED):
             self._allowed = True
         return state
@@ -225,7 +226,9 @@ class Tracking:
     def _count(self, before: State) -> None:
         r, state = self.report, self.state
         lost = (State.PREDICTING, State.HOLDING, State.STOPPED)
-        r.losses += state in lost and before not in (*lost, State.PAUSED)
+        r.losses += (
+            state in lost and before not in (*lost, State.PAUSED, State.WAITING) and self._back_at is None
+        )
         r.predicted_frames += state is State.PREDICTING
         r.held_frames += state in (State.HOLDING, State.PAUSED)
         r.stopped_frames += state is State.STOPPED
