@@ -23,8 +23,8 @@ install: $(VENV)/.installed  ## Create .venv with imitor and everything it needs
 demo: $(VENV)/.installed  ## Run the built-in demo; ARGS='--robot talos' changes it.
 	$(IMITOR) run demo $(ARGS)
 
-test: $(VENV)/.installed  ## Run the whole test suite; ARGS='-k guard' chooses.
-	$(BIN)/python -m pytest $(ARGS)
+test: $(VENV)/.installed  ## Run the whole test suite, two tests at a time; ARGS='-k guard' chooses.
+	$(BIN)/python -m pytest -n 2 $(ARGS)
 
 check: format lint types generated presets fast  ## All that a change must pass before it is handed in.
 
@@ -49,7 +49,7 @@ presets: $(VENV)/.installed
 	$(IMITOR) check $(PRESETS)
 
 fast: $(VENV)/.installed
-	$(BIN)/python -m pytest -m 'not slow' $(ARGS)
+	$(BIN)/python -m pytest -n 2 -m 'not slow' $(ARGS)
 
 docs: $(VENV)/.documented  ## Build the documentation into docs/_build; warnings are errors.
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
