@@ -395,11 +395,15 @@ def test_a_terminal_that_goes_away_ends_the_keys_alone(terminal: int) -> None:
 
 def test_a_lost_connection_brings_the_robot_to_rest() -> None:
     operator = Operator()
-    with operator.on_interrupt():
-        os.kill(os.getpid(), signal.SIGHUP)
-        os.kill(os.getpid(), signal.SIGHUP)  # shells send it once more
-        assert operator.quits
-        assert operator.interrupted
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # a background job is started to ignore it
+    try:
+        with operator.on_interrupt():
+            os.kill(os.getpid(), signal.SIGHUP)
+            os.kill(os.getpid(), signal.SIGHUP)  # shells send it once more
+            assert operator.quits
+            assert operator.interrupted
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 # ---------------------------------------------------------------- half turns
