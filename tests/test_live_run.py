@@ -78,7 +78,8 @@ def test_a_stage_that_is_too_slow_delays_nothing_for_long(tmp_path: Path) -> Non
     told = result.metrics["live"]
     assert told["overruns"] >= 30
     assert told["replaced"] > 100  # the newest frame wins
-    assert told["latency_to_solution"]["median_ms"] < 250  # its own time and what is left of one frame
+    # no queue: beside the step's own time at most what is left of a frame that was under way
+    assert told["latency_to_solution"]["median_ms"] < 1.5 * told["compute"]["median_ms"]
     assert told["output"]["sent"] > 5 * 30  # commands go on
 
 
@@ -89,7 +90,6 @@ def test_a_source_that_is_too_fast_is_followed_at_the_rate_of_the_pipeline(tmp_p
     told = result.metrics["live"]
     assert told["step_rate_hz"] == 100
     assert told["replaced"] > 500
-    assert told["latency_to_solution"]["median_ms"] < 50
     assert result.metrics["duration_s"] > 1.8
 
 
