@@ -60,7 +60,7 @@ class StaticBalance(Postprocessor[StaticBalanceConfig]):
         self._feet: list[Array] = [robot.position(f"{side}_foot") for side in SIDES]
         self._fast = robot.speed * self.dt_s
         self._slide = self.config.slide_m_s * self.dt_s
-        self._told = False
+        self._told = True
 
     def reset(self) -> None:
         """Forget the counts."""

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any, ClassVar, Final, NoReturn
 
 import numpy as np
@@ -28,6 +29,7 @@ MOST_BYTES: Final = 16384
 MOST_NAMES: Final = 256
 FARTHEST_M: Final = 1000.0
 """A position beyond this is no person's [m]."""
+_NUMBERS: Final = frozenset({int, float})
 
 
 class JointsUdpConfig(AxesConfig):
@@ -77,7 +79,7 @@ class JointsDecoder:
         if not datagram.startswith(b"{") or len(datagram) > MOST_BYTES:
             raise Foreign
         try:
-            told = json.loads(datagram, parse_constant=_refuse)
+            told = _JSON.decode(datagram.decode())
         except (ValueError, RecursionError):
             raise Malformed from None
         if told.get("schema") != SCHEMA:
@@ -86,28 +88,44 @@ class JointsDecoder:
         if type(counter) is not int or not 0 <= counter < 1 << 63 or type(time_s) not in (int, float):
             raise Malformed
         position = no_points()
-        for i, values in self._items(told, "joints"):
-            if values is not None:
-                position[i] = _numbers(values, 3)
-        for i, value in self._items(told, "confidence"):
-            if _number(value) < self._min_confidence:
-                position[i] = np.nan
+        self._fill(position, told, "joints")
+        if "confidence" in told:
+            confidence = np.full((N_ROLES, 1), np.nan)
+            self._fill(confidence, told, "confidence")
+            position[confidence[:, 0] < self._min_confidence] = np.nan
         orientation = None
         if "orientation_wxyz" in told:
             quaternion = np.full((N_ROLES, 4), np.nan)
-            for i, values in self._items(told, "orientation_wxyz"):
-                if values is not None:
-                    quaternion[i] = _numbers(values, 4)
+            self._fill(quaternion, told, "orientation_wxyz")
             orientation = rotations(quaternion)
         return Sample(counter, float(time_s), Told(position, orientation))
 
-    def _items(self, told: Mapping[str, Any], key: str) -> list[tuple[int, Any]]:
-        """Return role index and value of what is told under a key; names that are no roles are left out."""
-        values = told.get(key, {})
-        if not isinstance(values, dict) or len(values) > MOST_NAMES:
+    def _fill(self, out: Array, message: Mapping[str, Any], key: str) -> None:
+        """Write what is told under a key into rows by role; names that are no roles, and lost joints, are left out.
+
+        Args:
+            out: Where to, shape (R, K).
+            message: The object of the datagram.
+            key: What of it: name -> K numbers or null where lost; a number alone where K is 1.
+        """
+        values = message.get(key, {})
+        if type(values) is not dict or len(values) > MOST_NAMES:
             raise Malformed
-        index = self._index
-        return [(index[name], value) for name, value in values.items() if name in index]
+        index, width = self._index, out.shape[1]
+        known = [name for name, told in values.items() if name in index and (told is not None or width == 1)]
+        if not known:
+            return
+        rows = [values[name] for name in known]
+        if width > 1:
+            if {*map(type, rows)} != {list} or {*map(len, rows)} != {width}:
+                raise Malformed
+            rows = [*chain.from_iterable(rows)]
+        if not {*map(type, rows)} <= _NUMBERS:
+            raise Malformed
+        numbers = np.array(rows, dtype=np.float64)
+        if not (np.abs(numbers) < FARTHEST_M).all():
+            raise Malformed
+        out[[index[name] for name in known]] = numbers.reshape(-1, width)
 
     def reset(self) -> None:
         """Nothing is kept between datagrams."""
@@ -117,16 +135,7 @@ def _refuse(name: str) -> NoReturn:
     raise Malformed  # NaN and Infinity are no JSON
 
 
-def _numbers(values: Any, n: int) -> list[float]:
-    if not isinstance(values, list) or len(values) != n:
-        raise Malformed
-    return [_number(v) for v in values]
-
-
-def _number(value: Any) -> float:
-    if type(value) not in (int, float) or not -FARTHEST_M < value < FARTHEST_M:
-        raise Malformed
-    return float(value)
+_JSON: Final = json.JSONDecoder(parse_constant=_refuse)
 
 
 class JointsEncoder:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from imitor.balance.stance import floor_point, footprint, heights, moved_inside
+from imitor.ik.vectors import cross3
 from imitor.metrics.polygon import Point, margin
 from imitor.types import SIDES, Array, BoolArray
 
@@ -32,7 +33,7 @@ _ABOVE_M: Final = 1e-3
 """A free sole is lifted to this height where it would be in the floor [m]."""
 _EXTRA_M: Final = 5e-4
 """How much further inside than the margin the CoM is brought, so that it ends inside it [m]."""
-_UP: Final = np.array([0.0, 0.0, 1.0])
+_AXES: Final = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class Legs:
@@ -141,21 +142,21 @@ class Legs:
         wrenches, masks, errors = [], [], []
         other = 1 - anchor
         difference = self._carried[other] - self._carried[anchor]
-        at, R = self._views[other]
+        at, R = self._views[other][0].tolist(), self._views[other][1]
         if contact[other]:
             place = (*places[other], 0.0)
             for k in range(3):
-                wrenches.append(np.concatenate([np.eye(3)[k], np.cross(at, np.eye(3)[k])]))
+                wrenches.append((*_AXES[k], *cross3(at, _AXES[k])))
                 errors.append(place[k] - at[k])
-            tilt = np.cross(R[:, 2], _UP)
+            tilt = cross3(R[:, 2].tolist(), _AXES[2])
             for k in range(2):
-                wrenches.append(np.concatenate([np.zeros(3), np.eye(3)[k]]))
+                wrenches.append((0.0, 0.0, 0.0, *_AXES[k]))
                 errors.append(tilt[k])
             masks += [difference] * 5
         else:
-            corner = soles[other][int(soles[other][:, 2].argmin())]
+            corner = soles[other][int(soles[other][:, 2].argmin())].tolist()
             if corner[2] < 0.0:
-                wrenches.append(np.concatenate([_UP, np.cross(corner, _UP)]))
+                wrenches.append((*_AXES[2], *cross3(corner, _AXES[2])))
                 errors.append(_ABOVE_M - corner[2])
                 masks.append(difference)
         W = np.array(wrenches).reshape(-1, 6)
@@ -164,9 +165,9 @@ class Legs:
         e = np.array(errors)
         goal = self._goal(soles, contact, target)
         if goal is not None:
-            com = robot.com
-            W = np.hstack([np.eye(3)[:2], np.cross(com, np.eye(3)[:2])])
+            com = robot.com.tolist()
+            W = np.array([(*axis, *cross3(com, axis)) for axis in _AXES[:2]])
             rows = robot.com_jacobian[:2, 6:] - (W @ spatial) * self._carried[anchor]
             J = np.vstack([J, rows])
-            e = np.concatenate([e, np.array(goal) - com[:2]])
+            e = np.concatenate([e, np.array(goal) - robot.com[:2]])
         return J, e

@@ -14,7 +14,7 @@ import ipaddress
 import math
 import socket
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +22,7 @@ from imitor.cli import common
 from imitor.errors import ImitorError, did_you_mean
 from imitor.kinds import Source
 from imitor.live.source import LiveSource
-from imitor.live.stream import Network, Sent, departures, instants, send
+from imitor.live.stream import Departure, Network, Sent, departures, instants, send
 from imitor.registry import Registry
 from imitor.spec import load_source
 
@@ -68,6 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--duplicate", metavar="PERCENT", type=_share, default=0.0, help="datagrams that come twice [%%]"
     )
     parser.add_argument("--seed", metavar="N", type=_whole, default=0, help="seed of the losses [-]")
+    parser.add_argument(
+        "--prepare",
+        action="store_true",
+        help="make all datagrams before the first one leaves: sending then takes hardly any of this machine's time, as "
+        "if another one sent (with --loop: give --seconds)",
+    )
     parser.add_argument("--quiet", action="store_true", help="print nothing but problems")
     common.add_without(parser)
 
@@ -111,6 +117,8 @@ def _whole(text: str) -> int:
 
 def execute(args: argparse.Namespace) -> int:
     """Carry the command out."""
+    if args.prepare and args.loop and math.isinf(args.seconds):
+        raise ImitorError("--prepare with --loop never begins: say how much to prepare with --seconds S")
     registry = common.make_registry(args.without)
     protocol = _protocol(args.protocol, registry)
     family, address = _address(args.to, protocol.config_type.model_fields["port"].default)
@@ -132,7 +140,11 @@ def execute(args: argparse.Namespace) -> int:
         with _Status(sent, quiet=args.quiet) as status, socket.socket(family, socket.SOCK_DGRAM) as sock:
             with contextlib.suppress(OSError):  # an address that is no broadcast address does not need it
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-            send(departures(told, network, 1.0 / hz, sent), sock, address, sent, watch=status)
+            leaving: Iterable[Departure] = departures(told, network, 1.0 / hz, sent)
+            if args.prepare:
+                say("preparing all datagrams ...")
+                leaving = list(leaving)
+            send(leaving, sock, address, sent, watch=status)
     except KeyboardInterrupt:
         interrupted = True
     finally:

@@ -19,7 +19,7 @@ from imitor.collision.separation import CLOSE_RAD, EXACT_M, Separation
 from imitor.collision.shapes import Shapes
 from imitor.safety.guard import Guard
 from imitor.tasks import TaskStack
-from imitor.types import STATUS, Array, Configuration
+from imitor.types import STATUS, Array, BoolArray, Configuration
 
 if TYPE_CHECKING:
     from imitor.robot.model import RobotModel
@@ -99,15 +99,7 @@ class Correction:
         if sent is not None and np.array_equal(q, sent):
             return  # the last command again: it was corrected then
         first = self._offset is None
-        fixed = ~self._feet.free(stack)
-        bent = self._bent and self._feet.can_bend(stack)
-        free = np.ones_like(fixed) if bent else ~fixed
-        # a foot that stands again stands where it was told to
-        before = np.where(free, np.zeros(robot.n) if self._offset is None else self._offset, 0.0)
-        wish = self._fade * before
-        wish[np.abs(wish) < _GONE_RAD] = 0.0
-        # at the end of a joint's range there is no room for it: no reason to slow the whole pose down
-        wish = np.clip(wish, np.minimum(robot.lower - q[7:], 0.0), np.maximum(robot.upper - q[7:], 0.0))
+        before, wish = self._carried_on(stack, q)
         low, high = robot.lower, robot.upper
         if self._guard is not None and sent is not None:
             low, high = self._slowed(stack, q, wish, sent)
@@ -116,6 +108,7 @@ class Correction:
         self._offset = before
         if not before.any() and not self.separation.depth():
             return
+        fixed, bent, free = self._free(stack)
         asked, given = q.copy(), q[7:].copy()
         low, high = low - given, high - given
         box = np.clip(before - step, low, high), np.clip(before + step, low, high)
@@ -134,6 +127,26 @@ class Correction:
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
         if depth > 0.001:
             self.left += 1
+
+    def _free(self, stack: TaskStack) -> tuple[BoolArray, bool, BoolArray]:
+        """Return the joints of standing feet, whether those may change, too, and all that may, shape (n,) each."""
+        fixed = ~self._feet.free(stack)
+        bent = self._bent and self._feet.can_bend(stack)
+        return fixed, bent, np.ones_like(fixed) if bent else ~fixed
+
+    def _carried_on(self, stack: TaskStack, q: Array) -> tuple[Array, Array]:
+        """Return the last frame's change, as far as it may stay, and what it fades to in this one, (n,) each [rad]."""
+        robot, offset = self._robot, self._offset
+        if offset is None or not offset.any():
+            return np.zeros(robot.n), np.zeros(robot.n)
+        before = np.where(
+            self._free(stack)[2], offset, 0.0
+        )  # a foot that stands again stands where it was told to
+        wish = self._fade * before
+        wish[np.abs(wish) < _GONE_RAD] = 0.0
+        # at the end of a joint's range there is no room for it: no reason to slow the whole pose down
+        low, high = np.minimum(robot.lower - q[7:], 0.0), np.maximum(robot.upper - q[7:], 0.0)
+        return before, np.clip(wish, low, high)
 
     def _slowed(self, stack: TaskStack, q: Array, wish: Array, sent: Array) -> tuple[Array, Array]:
         """Slow ``q`` down as the guard would; return the range of the joints at this frame, (n,) each [rad].

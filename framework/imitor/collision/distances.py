@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 _DOUBT_M: Final = 0.003
 """A distance is not believed if the gap along its direction is smaller by more than this [m]."""
+_HALF_ROOT: Final = math.sqrt(0.5)
+_NOTHING: Final = np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3))
 _TURNS: Final = (0.5, 0.25, 0.12, 0.06, 0.03)
 """By how much a direction is turned towards larger gaps, one after the other [rad]."""
 
@@ -84,17 +86,18 @@ class Distances:
         R, p = np.array(self._rotations), np.array(self._translations) + self._shift
         centre = (R @ s.centre[:, :, None])[:, :, 0] + p
         turn, origin = self._base.rotation, self._base.translation
-        C, B = (centre - origin) @ turn, turn.T @ R
+        C, B = (centre - origin) @ turn, (turn.T @ R).reshape(-1, 9)
         if self._last is not None:
-            moved = np.sqrt(((C - self._last[0]) ** 2).sum(axis=1))
-            moved += s.radius * np.sqrt(((B - self._last[1]) ** 2).sum(axis=(1, 2)) / 2.0)
+            moved = _norms(C - self._last[0]) + s.radius * _norms(B - self._last[1]) * _HALF_ROOT
             if moved.any():
                 self._bound -= moved[self._first] + moved[self._second]
                 self._fresh.clear()
         self._last = (C, B)
-        gap = C[self._first] - C[self._second]
-        apart = np.sqrt(np.einsum("ij,ij->i", gap, gap)) - self._reach
+        apart = _norms(C[self._first] - C[self._second]) - self._reach
         candidates = np.flatnonzero(np.maximum(apart, self._bound) < distance)
+        self.measured = 0
+        if not len(candidates):
+            return candidates, *_NOTHING
         new = [k for k in candidates.tolist() if k not in self._fresh]
         self.measured = len(new)
         if new:
@@ -102,15 +105,12 @@ class Distances:
         for k in new:
             self._fresh[k] = self._measure(k)
             self._bound[k] = self._fresh[k][0]
-        found = candidates[self._bound[candidates] < np.broadcast_to(distance, self._bound.shape)[candidates]]
-        known = [self._fresh[k] for k in found.tolist()]
-        shape = (len(found), 3)
-        return (
-            found,
-            np.array([d for d, _, _ in known]),
-            np.array([n for _, n, _ in known]).reshape(shape),
-            np.array([x for _, _, x in known]).reshape(shape),
-        )
+        asked = distance[candidates] if isinstance(distance, np.ndarray) else distance
+        found = candidates[self._bound[candidates] < asked]
+        if not len(found):
+            return found, *_NOTHING
+        d, normals, points = zip(*(self._fresh[k] for k in found.tolist()), strict=True)
+        return found, np.array(d), np.array(normals), np.array(points)
 
     def _move(self, shapes: IntArray, R: Array, p: Array) -> None:
         s = self.shapes
@@ -188,3 +188,8 @@ class Distances:
         """Return the corners of a shape of a pair in world, (K, 3)."""
         corners = self.shapes.corners[self.shapes.pairs[pair, side]]
         return np.asarray(corners @ placed.getRotation().T + placed.getTranslation())
+
+
+def _norms(vectors: Array) -> Array:
+    """Return the lengths of vectors, shape (K, D), as (K,)."""
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))

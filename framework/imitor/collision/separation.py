@@ -16,6 +16,7 @@ from imitor.collision.distances import Distances
 from imitor.collision.feet import Feet, Kept
 from imitor.collision.shapes import Shapes
 from imitor.collision.smallest import smallest_motion
+from imitor.ik.vectors import cross
 from imitor.tasks import TaskStack
 from imitor.types import Array, BoolArray, IntArray
 
@@ -73,7 +74,7 @@ class Separation:
             pairs, normals, points: As `Distances.below` returns them.
             base: 1 for each joint that moves the base, (n,): counts for pairs with an object in the world.
         """
-        wrench = np.hstack([normals, np.cross(points, normals)])
+        wrench = np.hstack([normals, cross(points, normals)])
         moves = self._difference[pairs] - self._in_world[pairs] * base
         rows: Array = (wrench @ self._robot.jacobian[:, 6:]) * moves
         return rows

@@ -16,35 +16,49 @@ class Mailbox(Generic[T]):
     """
 
     def __init__(self) -> None:
-        self._ready = threading.Condition(threading.Lock())
+        self._lock = threading.Lock()
+        self._empty = (
+            threading.Lock()
+        )  # held while there is nothing to take: who waits for it waits for a thing
+        self._empty.acquire()
         self._thing: T | None = None
         self._closed = False
         self.replaced = 0
 
     def put(self, thing: T) -> None:
         """Leave a thing and wake who waits."""
-        with self._ready:
+        with self._lock:
             self.replaced += self._thing is not None
             self._thing = thing
-            self._ready.notify_all()
+            self._wake()
 
     def take(self, timeout_s: float = 0.0) -> T | None:
         """Return the newest thing and empty the box; ``None`` when none comes in time or the box is closed.
 
+        One thread takes.
+
         Args:
             timeout_s: How long to wait for one [s].
         """
-        with self._ready:
-            if self._thing is None and timeout_s > 0 and not self._closed:
-                self._ready.wait(timeout_s)
+        if not self._empty.acquire(timeout=max(timeout_s, 0.0)):
+            return None
+        with self._lock:
             thing, self._thing = self._thing, None
+            if self._closed:
+                self._wake()
+            else:
+                self._empty.acquire(blocking=False)  # one that came in between is the one that is taken
             return thing
 
+    def _wake(self) -> None:
+        if self._empty.locked():
+            self._empty.release()
+
     def close(self) -> None:
-        """Wake everybody who waits; from now on nobody waits."""
-        with self._ready:
+        """Wake who waits; from now on nobody waits."""
+        with self._lock:
             self._closed = True
-            self._ready.notify_all()
+            self._wake()
 
 
 __all__ = ["Mailbox"]

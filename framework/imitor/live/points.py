@@ -39,6 +39,7 @@ class PointBody:
 
     def __init__(self, name: str, position: Array, rate_hz: float, options: AxesConfig) -> None:
         self._world = np.array(UP_AXES[options.up], dtype=np.float64)
+        self._upright = bool((self._world == np.eye(3)).all())
         position = with_pelvis(position) @ self._world.T
         seen: BoolArray = np.asarray(np.isfinite(position).all(axis=-1))
         never = [r for r in NEEDED if not seen[:, ROLE_INDEX[r]].any()]
@@ -85,13 +86,15 @@ class PointBody:
             position: Role positions in the sender's axes, shape (R, 3) [m]; NaN where not known.
             orientation: Sender's world from segment, shape (R, 3, 3); NaN where not known.
         """
-        placed = with_pelvis(position) @ self._world.T
+        placed = with_pelvis(position)
+        if not self._upright:
+            placed = placed @ self._world.T
         placed[:, 2] -= self._floor_m
         valid: BoolArray = np.asarray(np.isfinite(placed).all(axis=1) & self._known)
         placed[~valid] = np.nan
         turned = None
         if orientation is not None:
-            turned = read_only(self._world @ orientation @ self._world.T)
+            turned = read_only(orientation if self._upright else self._world @ orientation @ self._world.T)
         return HumanFrame(time_s, read_only(placed), read_only(valid), turned)
 
 
@@ -99,6 +102,8 @@ def with_pelvis(position: Array) -> Array:
     """Return positions, shape (..., R, 3), whose pelvis is the middle of the hips where it was not told."""
     out = position.copy()
     told = np.asarray(np.isfinite(out[..., _PELVIS, :]).all(axis=-1))
+    if told.all():
+        return out
     middle = 0.5 * (out[..., _HIPS[0], :] + out[..., _HIPS[1], :])
     out[..., _PELVIS, :] = np.where(told[..., None], out[..., _PELVIS, :], middle)
     return out

@@ -12,19 +12,31 @@ TOLERANCE: Final = 0.01
 """How far the length of a quaternion may be from 1 [-]; rounding is far less, what is more is no rotation."""
 
 
+def _products() -> Array:
+    """Return the matrix from the 16 products of a quaternion's components to the 9 entries of its rotation."""
+    w, x, y, z = range(4)
+    terms = (
+        ((w, w, 1), (x, x, 1), (y, y, -1), (z, z, -1)), ((x, y, 2), (w, z, -2)), ((x, z, 2), (w, y, 2)),
+        ((x, y, 2), (w, z, 2)), ((w, w, 1), (x, x, -1), (y, y, 1), (z, z, -1)), ((y, z, 2), (w, x, -2)),
+        ((x, z, 2), (w, y, -2)), ((y, z, 2), (w, x, 2)), ((w, w, 1), (x, x, -1), (y, y, -1), (z, z, 1)),
+    )  # fmt: skip
+    out = np.zeros((16, 9))
+    for entry, sum_ in enumerate(terms):
+        for i, j, factor in sum_:
+            out[4 * i + j, entry] = factor
+    return out
+
+
+_PRODUCTS: Final = _products()
+
+
 def rotations(wxyz: Array) -> Array:
     """Return the rotations of quaternions w x y z, shape (..., 3, 3); NaN where one is not of length 1."""
-    length = np.sqrt(np.einsum("...i,...i->...", wxyz, wxyz))
-    length = np.where(np.abs(length - 1.0) <= TOLERANCE, length, np.nan)
-    w, x, y, z = np.moveaxis(wxyz / length[..., None], -1, 0)
-    out = np.empty((*wxyz.shape[:-1], 3, 3))
-    xx, yy, zz = 2 * x * x, 2 * y * y, 2 * z * z
-    xy, xz, yz = 2 * x * y, 2 * x * z, 2 * y * z
-    wx, wy, wz = 2 * w * x, 2 * w * y, 2 * w * z
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1 - yy - zz, xy - wz, xz + wy
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = xy + wz, 1 - xx - zz, yz - wx
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = xz - wy, yz + wx, 1 - xx - yy
-    return out
+    q = wxyz.reshape(-1, 4)
+    squared = np.einsum("ki,ki->k", q, q)
+    squared[np.abs(np.sqrt(squared) - 1.0) > TOLERANCE] = np.nan
+    products = (q[:, :, None] * (q / squared[:, None])[:, None, :]).reshape(-1, 16)
+    return np.asarray(np.dot(products, _PRODUCTS).reshape(*wxyz.shape[:-1], 3, 3))
 
 
 def quaternions(R: Array) -> Array:

@@ -24,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from imitor.errors import SinkError, told
-from imitor.kinds import Sink, Tick
+from imitor.kinds import Record, Sink, Tick
 from imitor.live.operator import Operator
 from imitor.live.output import Output
 from imitor.live.pace import Steps
@@ -177,29 +177,36 @@ class LiveRun:
         return arrival
 
     def _step(self, tick: Tick, arrival: Arrival | None, begin: float) -> None:
+        try:
+            record = self._solve(tick, arrival, begin)
+        finally:
+            self.recorder.add(tick)  # after the command has left
+        if record is not None:
+            for where, sink in self._every:
+                self._write(where, sink, record)
+
+    def _solve(self, tick: Tick, arrival: Arrival | None, begin: float) -> Record | None:
+        """Compute a step and pass its command on; return its record."""
         report = self.report
-        self.recorder.add(tick)
         record = self.pipeline.advance(tick, begin)
         ready = time.perf_counter()
+        if record is not None and (self.output is not None or self.viewers is not None):
+            solved = Solved.of(record, math.nan if arrival is None else arrival.at_s, ready)
+            if self.output is not None:
+                if self.pipeline.begun:  # a robot is not moved before there is somebody to follow
+                    self.output.box.put(solved)
+                    time.sleep(0)  # lets the thread that sends go first
+                if self.output.error is not None:
+                    raise self.output.error
+            if self.viewers is not None:
+                self.viewers.box.put(solved)
         report.steps += 1
         report.without_frame += tick.frame is None
         report.compute.add(ready - begin)
         report.overruns += ready - begin > 1.0 / self.pipeline.rate_hz
         if arrival is not None:
             report.latency.add(ready - arrival.at_s)
-        if record is None:
-            return
-        if self.output is not None or self.viewers is not None:
-            solved = Solved.of(record, math.nan if arrival is None else arrival.at_s, ready)
-            if self.output is not None:
-                if self.pipeline.begun:  # a robot is not moved before there is somebody to follow
-                    self.output.box.put(solved)
-                if self.output.error is not None:
-                    raise self.output.error
-            if self.viewers is not None:
-                self.viewers.box.put(solved)
-        for where, sink in self._every:
-            self._write(where, sink, record)
+        return record
 
     def save(self) -> list[Path]:
         """Write what was received; return the files."""

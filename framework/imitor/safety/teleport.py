@@ -34,6 +34,7 @@ class Teleport:
         self._at: Array = np.zeros((0, 3))
         self._time_s: Array = np.zeros(0)
         self._out: BoolArray = np.zeros(0, dtype=np.bool_)
+        self._any_out = False
 
     def step(self, frame: HumanFrame) -> HumanFrame:
         """Return the frame without the points that cannot be there; the same frame when all can."""
@@ -43,19 +44,24 @@ class Teleport:
         if len(points) != len(self._at):
             self._at = points.copy()
             self._time_s = np.where(np.isnan(points[:, 0]), -np.inf, time_s)
-            self._out = np.zeros(len(points), dtype=np.bool_)
+            self._out, self._any_out = np.zeros(len(points), dtype=np.bool_), False
             return frame
         way = points - self._at
         allowed = self._speed * (time_s - self._time_s)
-        far = (way * way).sum(axis=1) > allowed * allowed  # false for NaN: not seen, or never seen before
+        far = (
+            np.einsum("ij,ij->i", way, way) > allowed * allowed
+        )  # false for NaN: not seen, or never seen before
         seen = ~(far | np.isnan(points[:, 0]))
-        back = (self._out & seen)[:N_ROLES]
-        if back.any():
-            self.left = np.where(back[:, None], self._at[:N_ROLES], np.nan)
-        self._at[seen] = points[seen]
+        if self._any_out:
+            back = (self._out & seen)[:N_ROLES]
+            if back.any():
+                self.left = np.where(back[:, None], self._at[:N_ROLES], np.nan)
+        np.copyto(self._at, points, where=seen[:, None])
         self._time_s[seen] = time_s
-        self._out = np.asarray((self._out | far) & ~seen)
-        count = int(far.sum())
+        count = int(np.count_nonzero(far))
+        if count or self._any_out:
+            self._out = np.asarray((self._out | far) & ~seen)
+            self._any_out = bool(self._out.any())
         if not count:
             return frame
         self.rejected += count
