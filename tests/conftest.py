@@ -10,7 +10,10 @@ import pytest
 from hypothesis import settings
 
 settings.register_profile("untimed", deadline=None)  # a busy machine is no failure
-settings.load_profile("untimed")
+settings.register_profile(
+    "repeatable", parent=settings.get_profile("untimed"), derandomize=True, database=None
+)
+settings.load_profile("repeatable" if os.environ.get("IMITOR_REPEATABLE") else "untimed")
 
 ROOT = Path(__file__).resolve().parents[1]
 

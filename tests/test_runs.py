@@ -41,6 +41,7 @@ from imitor.run import RunResult, run
 from imitor.spec import load_pipeline, load_text
 from imitor.testing import make_frames, make_robot, make_skeleton
 
+ROOT = Path(__file__).resolve().parents[1]
 ROBOTS = ("unitree_g1", "romeo", "talos")
 SOLVERS = tuple(Registry(entry_points=False).names("solver"))
 ORDER = """\
@@ -523,6 +524,19 @@ def test_the_whole_recording_is_refused_live(registry: Registry) -> None:
     assert str(caught.value) == (
         "stages[3] calibrated: needs the whole recording first, but the source is live; give its result as options"
     )
+
+
+@pytest.mark.parametrize("preset", sorted(p.stem for p in (ROOT / "pipelines").glob("*.yaml")))
+def test_a_preset_that_cannot_be_built_says_why(preset: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(self: Pipeline) -> None:
+        raise ImitorError("not so")
+
+    monkeypatch.setattr(Pipeline, "_calibrate", fails)
+    registry = Registry(entry_points=False)
+    with pytest.raises(
+        ImitorError, match=r"^not so$"
+    ):  # and not what then happens when the stages are closed
+        Pipeline(load_pipeline(preset, registry), registry)
 
 
 # ---------------------------------------------------------------- folders

@@ -240,6 +240,19 @@ def test_it_plays_to_a_port(capsys: pytest.CaptureFixture[str]) -> None:
     assert [b'"counter":%d,' % i in d for i, d in enumerate(heard)] == [True] * 10
 
 
+def test_prepared_datagrams_are_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sock:
+        sock.bind(("127.0.0.1", 0))
+        sock.settimeout(5.0)
+        argv = (*STAND, "--to", f"127.0.0.1:{sock.getsockname()[1]}", "--seconds", "0.2", "--loop")
+        assert call(capsys, *argv, "--quiet")[0] == 0
+        status, err = call(capsys, *argv, "--prepare")
+        heard = [sock.recv(65535) for _ in range(48)]
+    assert status == 0
+    assert "\npreparing all datagrams ...\nsent 24 instants" in err
+    assert heard[:24] == heard[24:]
+
+
 def test_it_can_be_quiet(capsys: pytest.CaptureFixture[str]) -> None:
     assert call(capsys, *STAND, "--to", "127.0.0.1:9", "--seconds", "0.05", "--quiet") == (0, "")
 
@@ -318,6 +331,10 @@ def test_a_terminal_that_is_gone_stops_nothing(monkeypatch: pytest.MonkeyPatch) 
             [*STAND, "--to", "no.such.machine.invalid:9000"],
             "--to no.such.machine.invalid:9000: no machine is known as 'no.such.machine.invalid'; "
             "write HOST:PORT, e.g. 127.0.0.1:9000\n",
+        ),
+        (
+            [*STAND, "--prepare", "--loop"],
+            "--prepare with --loop never begins: say how much to prepare with --seconds S\n",
         ),
         (
             [*STAND, "--loss", "101"],
