@@ -8,12 +8,13 @@ import pty
 import resource
 import signal
 import sys
+import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from imitor import Config, Postprocessor
 from imitor.clock import copied
 from imitor.errors import told
 from imitor.human.rotations import exponential, logarithm
-from imitor.kinds import Sink, SinkReport, Tick
+from imitor.kinds import Record, RunInfo, Sink, SinkReport, Tick
 from imitor.live.operator import Operator, _Keys
 from imitor.live.output import Output
 from imitor.live.received import Received, ReceivedRecorder
@@ -79,19 +80,21 @@ def authored(
     frames: int | None = None,
     stages: Sequence[type[Any]] = (),
     sets: Sequence[str] = (),
+    sinks: Sequence[type[Any]] = (),
 ) -> RunResult:
     """Run the plain retargeting of the performer into the robot of tests."""
     plugins = registry()
     plugins.add(Authored, "tests")
-    for component in stages:
+    for component in (*stages, *sinks):
         plugins.add(component, "tests")
     text = Path("pipelines/retarget.yaml").read_text(encoding="utf-8")
     more = "".join(f"  - {s.kind}: {s.name}\n" for s in stages)
     pipeline = tmp_path / "pipeline.yaml"
     pipeline.write_text(text.replace("sinks:", f"{more}sinks:"), encoding="utf-8")
     spec = load_pipeline(
-        str(pipeline), plugins, source="authored", sets=[f"rate_hz={HZ}", *sets], add_sinks=["kept"]
-    )
+        str(pipeline), plugins, source="authored", sets=[f"rate_hz={HZ}", *sets],
+        add_sinks=["kept", *(s.name for s in sinks)],
+    )  # fmt: skip
     return run(spec, plugins, out_dir=tmp_path / "run", max_frames=frames, operator=operator)
 
 
@@ -191,6 +194,39 @@ def test_whatever_fails_beside_the_steps_is_told() -> None:
     pipeline.close()
     assert output.error is not None
     assert "commands" in str(output.error)
+
+
+class Stuck(Sink[Config]):
+    """Never comes back from its tenth command."""
+
+    name = "stuck"
+    realtime = True
+    written = 0
+    free: ClassVar[threading.Event] = threading.Event()
+
+    def open(self, run: RunInfo) -> None:
+        """Nothing to do."""
+
+    def write(self, record: Record) -> None:
+        self.written += 1
+        if self.written == 10:
+            Stuck.free.wait()
+
+    def finish(self) -> SinkReport:
+        raise AssertionError("it is stuck")
+
+
+def test_a_sink_that_never_comes_back_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("imitor.live.output.STUCK_S", 0.5)
+    monkeypatch.setattr(Output, "join", lambda self, timeout=None: threading.Thread.join(self, 0.2))
+    try:
+        result = authored(tmp_path, frames=2000, sinks=[Stuck])
+    finally:
+        Stuck.free.set()
+    assert (result.status, result.frames < 1000) == ("failed", True)
+    assert "sinks[2] stuck" in result.message
+    assert "it has not taken a command for 0.5 s" in result.message
+    assert len(np.load(tmp_path / "run/motion.npz")["time_s"]) == result.frames
 
 
 def test_late_solutions_are_reached_over_the_time_that_they_took() -> None:
@@ -323,7 +359,7 @@ def test_robots_are_finished_first_and_all_sinks_whatever_fails(error: BaseExcep
         ("c", Finishes("motion", False)),
     ]
     result = RunResult(tmp_path)
-    live: Any = SimpleNamespace(figures=dict, save=fails)
+    live: Any = SimpleNamespace(figures=dict, save=fails, stuck="")
     _finish(result, sinks, None, spec, plugins, live)  # type: ignore[arg-type]
     assert Finishes.order == ["robot", "received", "motion", "video"]
     assert result.status == ("interrupted" if isinstance(error, KeyboardInterrupt) else "failed")

@@ -9,6 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from imitor.commands.approach import Approach
 from imitor.commands.command import Command
@@ -169,7 +171,7 @@ def test_a_recording_waits_until_the_robot_is_there(tmp_path: Path, elsewhere: N
 
 
 def test_the_way_keeps_the_speed_limits() -> None:
-    approach = Approach(np.zeros(2), np.array([0.2, 9.0]), 0.1, blend_speed=1.0)
+    approach = Approach(np.zeros(2), np.array([0.2, 9.0]), np.full(2, np.inf), 0.1, blend_speed=1.0)
     told = [np.zeros(2), *(approach.step(np.array([0.4, 0.4])) for _ in range(40))]
     assert np.abs(np.diff(told, axis=0)).max(axis=0) == pytest.approx([0.02, 0.02], rel=0.05)
     assert told[-1].tolist() == [0.4, 0.4]
@@ -177,6 +179,18 @@ def test_the_way_keeps_the_speed_limits() -> None:
     assert np.diff([told[-1], *jump], axis=0).tolist() == pytest.approx(
         np.array([[-0.02, -0.9], [-0.02, -0.5]])
     )
+
+
+@given(st.floats(-2.0, 2.0), st.floats(0.1, 20.0), st.floats(0.1, 3.0))
+def test_the_way_takes_half_of_the_acceleration_limits(far: float, most: float, blend_speed: float) -> None:
+    approach = Approach(np.zeros(1), np.array([5.0]), np.array([most]), 0.02, blend_speed)
+    told = [0.0, 0.0]
+    while not approach.done:
+        told.append(float(approach.step(np.array([far]))[0]))
+        assert len(told) < 5000
+    told += [float(approach.step(np.array([far]))[0])] * 2
+    assert told[-1] == pytest.approx(far)
+    assert np.abs(np.diff(told, 2)).max() / 0.02**2 <= 0.5 * most * (1.0 + 1e-6)
 
 
 def test_commands_stay_within_limits_and_finite(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

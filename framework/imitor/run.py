@@ -257,8 +257,10 @@ def _finish(
     if live is not None:
         extra["live"] = live.figures()
     robots = [item for item in sinks if item[1].realtime]  # first of all: they are to be at rest
+    stuck = "" if live is None else live.stuck
     for where, sink in robots:
-        _finish_sink(where, sink, result, extra)
+        if where != stuck:
+            _finish_sink(where, sink, result, extra)
     if live is not None:
         with _finishing("what was received", result):
             result.files += live.save()

@@ -11,27 +11,35 @@ from imitor.types import Array
 
 _PEAK: Final = 1.5
 """Fastest by mean speed of the way 3 s^2 - 2 s^3 [-]."""
+_STEEPEST: Final = 6.0
+"""Largest acceleration by way per time squared of it [-]."""
+_SHARE: Final = 0.5
+"""Share of the acceleration limits that the way may take [-]."""
 _ROUNDING: Final = 1e-9
 
 
 class Approach:
     """Blends the present posture into the commands, which may move meanwhile.
 
-    The share of the command grows as 3 s² - 2 s³ over a time in which no joint needs more than the given speed for the
-    way to the first command. Afterwards commands pass unchanged. From one call to the next no joint ever moves
-    farther than its speed limit allows.
+    The share of the command grows as 3 s² - 2 s³ over a time in which no joint needs more than the given speed, and
+    half of its acceleration limit, for the way to the first command: the other half is for what the commands do
+    meanwhile. Afterwards commands pass unchanged. From one call to the next no joint ever moves farther than its speed
+    limit allows.
 
     Args:
         present: Where the robot is, shape (n,) [rad].
-        speed: Speed limits, shape (n,) [rad/s].
+        speed, acceleration: Limits, shape (n,) each [rad/s], [rad/s²]; infinite where there is none.
         dt_s: Time between calls [s].
         blend_speed: Largest speed of the way to the first command [rad/s].
     """
 
-    def __init__(self, present: Array, speed: Array, dt_s: float, blend_speed: float) -> None:
+    def __init__(
+        self, present: Array, speed: Array, acceleration: Array, dt_s: float, blend_speed: float
+    ) -> None:
         self._from, self._last = present.copy(), present.copy()
         self._step = speed * dt_s * (1.0 + _ROUNDING)
         self._dt_s, self._blend_speed = dt_s, np.minimum(blend_speed, speed)
+        self._blend_acceleration = _SHARE * acceleration
         self._steps, self._taken = -1, 0
 
     @property
@@ -46,7 +54,10 @@ class Approach:
 
     def plan(self, first: Array) -> None:
         """Choose how long the way takes, by the first command, shape (n,) [rad]."""
-        time_s = float((_PEAK * np.abs(first - self._from) / self._blend_speed).max(initial=0.0))
+        way = np.abs(first - self._from)
+        by_speed = (_PEAK * way / self._blend_speed).max(initial=0.0)
+        by_acceleration = np.sqrt(_STEEPEST * way / self._blend_acceleration).max(initial=0.0)
+        time_s = float(max(by_speed, by_acceleration))
         self._steps = math.ceil(time_s / self._dt_s - _ROUNDING)
 
     def stay(self) -> Array:

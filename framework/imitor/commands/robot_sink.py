@@ -169,7 +169,8 @@ class RobotSink(Sink[C]):
 
     def _begin_at(self, joints: Array) -> None:
         self.command.q[N_BASE:] = joints
-        self._approach = Approach(joints, self._speed, self._dt_s, self.config.blend_speed_rad_s)
+        acceleration, slowly = self.run.robot.acceleration, self.config.blend_speed_rad_s
+        self._approach = Approach(joints, self._speed, acceleration, self._dt_s, slowly)
 
     def _posture(self, robot: RobotModel) -> Array:
         found = self.present()

@@ -20,6 +20,8 @@ from imitor.tasks import TaskStack
 from imitor.types import STATUS, Array
 
 HELD = STATUS.index("held")
+STUCK_S: Final = 5.0
+"""A sink that has not taken a command after so long takes none any more [s]."""
 _LATE: Final = 1.5
 """A solution that takes so many times as long as it should is late [-]."""
 
@@ -54,6 +56,7 @@ class Output(threading.Thread):
         self.latency, self.late = Durations(), 0
         self.sent = self.between = self.stale = 0
         self.error: SinkError | None = None
+        self._writing: tuple[str, float] | None = None
         self._robot, self._stack, self._sinks = robot, stack.twin(), sinks
         self._rate_hz, self._hold_s = rate_hz, hold_s
         self._steps = max(1.0, rate_hz / solved_hz)
@@ -72,6 +75,30 @@ class Output(threading.Thread):
         self.box.close()
         if self.is_alive():
             self.join(5.0)
+
+    @property
+    def stuck(self) -> str:
+        """The sink that is stuck in a command and cannot be finished either; empty when none is."""
+        writing = self._writing
+        late = writing is not None and time.perf_counter() - writing[1] > STUCK_S
+        return writing[0] if writing is not None and late and self.is_alive() else ""
+
+    def check(self) -> None:
+        """Raise what went wrong.
+
+        Raises:
+            SinkError: A sink failed, or is stuck in a command.
+        """
+        if self.error is not None:
+            raise self.error
+        where = self.stuck
+        if where:
+            raise SinkError(
+                f"it has not taken a command for {STUCK_S:g} s; is the robot, or the way to it, stuck? It is left as "
+                "it is. The frames before are kept.",
+                frame=self.sent,
+                stage=where,
+            )
 
     def run(self) -> None:
         """Send until closed or until a sink, or something else, fails."""
@@ -141,15 +168,15 @@ class Output(threading.Thread):
         record.index, record.time_s = self.sent, time_s
         self._guard.apply(mirror.stack, state)
         for where, sink in self._sinks:
+            self._writing = where, time.perf_counter()
             try:
                 sink.write(record)
-            except (
-                Exception
-            ) as error:  # a robot that cannot be reached ends the run; what was finished is kept
+            except Exception as error:  # no robot to reach ends the run; what was finished is kept
                 self.error = SinkError(
                     f"{told(error)}. The frames before are kept.", frame=self.sent, time_s=time_s, stage=where
                 )
                 return
+        self._writing = None
         self.sent += 1
 
     def figures(self) -> dict[str, Any]:

@@ -196,8 +196,7 @@ class LiveRun:
                 if self.pipeline.begun:  # a robot is not moved before there is somebody to follow
                     self.output.box.put(solved)
                     time.sleep(0)  # lets the thread that sends go first
-                if self.output.error is not None:
-                    raise self.output.error
+                self.output.check()
             if self.viewers is not None:
                 self.viewers.box.put(solved)
         report.steps += 1
@@ -207,6 +206,11 @@ class LiveRun:
         if arrival is not None:
             report.latency.add(ready - arrival.at_s)
         return record
+
+    @property
+    def stuck(self) -> str:
+        """The robot sink that does not come back from a command and cannot be finished; empty when none is."""
+        return "" if self.output is None else self.output.stuck
 
     def save(self) -> list[Path]:
         """Write what was received; return the files."""
