@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,32 @@ def in_contact(*sets: str, frames: int | None = None) -> tuple[Pipeline, dict[st
         rows["contact"].append(record.state.contact.copy())
     pipeline.close()
     return pipeline, {name: np.array(values) for name, values in rows.items()}
+
+
+def test_without_a_scene_there_is_no_contact() -> None:
+    _, rows = in_contact("environment=[]", frames=400)
+    assert not rows["share"].any() and not rows["held"].any()
+
+
+def test_a_real_recording_without_the_scene_is_not_held(shared: Path) -> None:
+    """A seated person who raises the arms: slowly enough for ROMEO's joints the hands are where they shall be."""
+    file = shared / "mocap" / "art_targets_keraal" / "G3-Vicon-CTK-P1T1-Unknown-C-0.txt"
+    registry = Registry(entry_points=False)
+    sets = ["environment=[]", "speed=0.25"]
+    pipeline = Pipeline(load_pipeline("tomic_2018", registry, input=file, sets=sets), registry)
+    off, held = [], 0
+    for record in pipeline.records():
+        held += record.state.status != 0
+        off += [
+            np.linalg.norm(pipeline.stack[f"{s}_hand"].target[:3, 3] - pipeline.robot.position(f"{s}_hand"))
+            for s in SIDES
+        ]
+    pipeline.close()
+    assert held == 0
+    assert np.sqrt(np.mean(np.square(off))) < 0.01
+    with pytest.raises(RunError, match="begins inside 'table'"):
+        whole = Pipeline(load_pipeline("tomic_2018", registry, input=file), registry)
+        next(iter(whole.records()))
 
 
 def test_in_contact_the_hands_are_the_persons_and_nothing_jumps() -> None:

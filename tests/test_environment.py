@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from imitor import Configuration, TaskKind, TaskStack, testing
 from imitor.collision.obstacles import obstacles
 from imitor.environment import read_environment, triangles
-from imitor.errors import ImitorError, SpecError
+from imitor.errors import ImitorError, RunError, SpecError
 from imitor.metrics.collision import robot_collision_model
 from imitor.pipeline import Pipeline
 from imitor.registry import Registry
@@ -247,6 +247,21 @@ def test_a_pipeline_keeps_the_hand_off_its_table(tmp_path: Path, robot: RobotMod
     names = {shapes.links[a] for a, b in shapes.pairs if shapes.links[b] == "table"}
     assert "left_wrist_yaw_link" in names
     assert not any("ankle_roll" in name for name in names)  # the feet may stand on things
+    pipeline.close()
+
+
+@pytest.mark.parametrize(("at", "said"), [("[0, 0, 0.9]", True), ("[0.6, 0, 0.9]", False)])
+def test_a_robot_does_not_begin_inside_an_object(at: str, said: bool) -> None:
+    entry = f"  - {{name: post, shape: box, position_m: {at}, size_m: [0.1, 0.1, 0.4]}}"
+    text = TEXT.replace("scenario: wave", "scenario: stand") % entry + "  - postprocessor: fcl_collision\n"
+    pipeline = Pipeline(load_text(text, REGISTRY), REGISTRY)
+    if said:
+        with pytest.raises(
+            RunError, match=r"begins inside 'post' .* mm deep in it.*environment\.post\.position_m"
+        ):
+            next(iter(pipeline.records()))
+    else:
+        assert [r.state.status for r in pipeline.records(5)] == [0] * 5
     pipeline.close()
 
 

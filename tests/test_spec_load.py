@@ -143,7 +143,8 @@ def test_set(registry: Registry) -> None:
         ("fst.damping=1", "no stage is called 'fst'; did you mean 'fast'?"),
         (
             "gain=3",
-            "'gain' is no key to set; of a stage: ID.option=value; known: rate_hz, robot, seed, settle_s, speed",
+            "'gain' is no key to set; of a stage: ID.option=value; known: environment, rate_hz, robot, seed, settle_s, "
+            "speed",
         ),
         ("rate_hz=0", "rate_hz: input should be greater than 0, got 0"),
         ("fast.order.7=[com]", "'7' is no index; the list has 2 items, from 0"),
@@ -158,6 +159,42 @@ def test_set(registry: Registry) -> None:
     ],
 )
 def test_set_refused(text: str, said: str, registry: Registry) -> None:
+    assert refused(registry, sets=[text]) == [f"--set {text}: {said}"]
+
+
+TABLE = "[{name: table, shape: box, size_m: [1, 1, 0.03]}, {name: pole, shape: box, size_m: [0.1, 0.1, 2]}]"
+
+
+def test_set_the_environment(registry: Registry) -> None:
+    sets = [
+        f"environment={TABLE}",
+        "environment.table.position_m=[0.5, 0, 0.7]",
+        "environment.table.size_m.2=0.05",
+    ]
+    table, pole = load(registry, sets=sets).environment
+    assert (list(table["position_m"]), list(table["size_m"])) == ([0.5, 0, 0.7], [1, 1, 0.05])
+    assert list(pole["size_m"]) == [0.1, 0.1, 2]
+    assert load(registry, sets=[*sets, "environment=[]"]).environment == []
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (
+            "environment.tabel.size_m=[1, 1, 1]",
+            "the environment has no object 'tabel'; did you mean 'table'?",
+        ),
+        ("environment.table.size_m=[1, 1]", "environment[0].size_m[2]: required, but not given"),
+        ("environment=[{name: table}]", "environment[0].shape: required, but not given"),
+    ],
+)
+def test_set_the_environment_refused(text: str, said: str, registry: Registry) -> None:
+    assert refused(registry, sets=[f"environment={TABLE}", text]) == [f"--set {text}: {said}"]
+
+
+def test_set_an_object_where_there_is_none(registry: Registry) -> None:
+    text = "environment.table.size_m=[1, 1, 1]"
+    said = "the environment has no object 'table'; there is none; set the whole list: environment=[...]"
     assert refused(registry, sets=[text]) == [f"--set {text}: {said}"]
 
 

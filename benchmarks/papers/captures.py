@@ -1,6 +1,6 @@
 """Every shared recording with markers, through the presets that work from markers: what runs, how well, what does not.
 
-    python benchmarks/papers/captures.py [--preset P]... [--frames N] [--jobs N] [--docs DIR] [FILE ...]
+    python benchmarks/papers/captures.py [--preset P]... [--frames N] [--jobs N] [--docs DIR] [--set X=Y]... [FILE ...]
 
 Runs each C3D, TRC, AMC and ART file as ``imitor run PRESET --input FILE`` does, and writes a table into the page of
 each preset; with files or options of your own it prints the tables and writes nothing unless --docs names a folder.
@@ -32,6 +32,8 @@ from imitor.spec import load_pipeline
 from imitor.types import SIDES
 
 PROGRAM = "benchmarks/papers/captures.py"
+SETS: dict[str, list[str]] = {"tomic_2018": ["environment=[]"]}
+"""What a preset needs changed for recordings that are not made in its own scene."""
 PATTERNS = ("*/*.c3d", "*/*.trc", "*/*.amc", "art_*/*-*.txt")
 
 
@@ -58,7 +60,7 @@ class Attempt:
     cells: list[str] = field(default_factory=list)
 
 
-def attempt(file: str, preset: str, captures: Path, frames: int | None) -> Attempt:
+def attempt(file: str, preset: str, sets: Sequence[str], captures: Path, frames: int | None) -> Attempt:
     """Run a recording and measure it."""
     out = Attempt(file)
     registry = Registry(entry_points=False)
@@ -71,7 +73,7 @@ def attempt(file: str, preset: str, captures: Path, frames: int | None) -> Attem
     robots: list[Any] = []
     with tempfile.TemporaryDirectory() as folder:
         try:
-            spec = load_pipeline(preset, registry, input=captures / file)
+            spec = load_pipeline(preset, registry, input=captures / file, sets=sets)
             result = run(spec, registry, out_dir=Path(folder), max_frames=frames, started=started)
         except SpecError as error:
             out.message = "; ".join(f"{p.where}: {p.message}" for p in error.problems)
@@ -211,7 +213,7 @@ COLUMNS: dict[str, dict[str, Column]] = {
 }
 
 
-def tables(preset: str, found: Sequence[Attempt]) -> str:
+def tables(preset: str, sets: Sequence[str], found: Sequence[Attempt]) -> str:
     """Return the table of what ran, and the list of what did not."""
     columns = COLUMNS[preset]
     rows, reasons = [], dict[str, list[str]]()
@@ -221,8 +223,9 @@ def tables(preset: str, found: Sequence[Attempt]) -> str:
             reasons.setdefault(told, []).append(f"`{a.file}`" + (f" ({a.card})" if a.card else ""))
             continue
         rows.append([f"`{a.file}`", a.card, number(a.length_s, 1), told, *a.cells])
+    options = "".join(f" --set {s}" for s in sets)
     text = [
-        f"`imitor run {preset} --input FILE`: {len(rows)} of {len(found)} recordings run.\n",
+        f"`imitor run {preset} --input FILE{options}`: {len(rows)} of {len(found)} recordings run.\n",
         table(["file", "set", "length (s)", "run", *columns], rows),
     ]
     if reasons:
@@ -241,15 +244,15 @@ def main() -> None:
         str(p.relative_to(captures)) for pattern in PATTERNS for p in captures.glob(pattern)
     )
     for preset in args.presets or COLUMNS:
-        found = []
+        found, sets = [], [*SETS.get(preset, []), *args.sets]
         with ProcessPoolExecutor(args.jobs) as pool:
-            tried = partial(attempt, preset=preset, captures=captures, frames=args.frames)
+            tried = partial(attempt, preset=preset, sets=sets, captures=captures, frames=args.frames)
             for a in pool.map(tried, files):
                 print(f"{preset}: {a.file}: {a.status} {a.message}", flush=True)
                 found.append(a)
-        text = tables(preset, found)
+        text = tables(preset, sets, found)
         print("\n" + text)
-        if args.docs or not (args.files or args.frames):
+        if args.docs or not (args.files or args.frames or args.sets):
             print(f"wrote {write(args.docs or DOCS, preset, PROGRAM, text)}")
 
 
@@ -262,6 +265,7 @@ def arguments() -> argparse.Namespace:
     parser.add_argument("--preset", action="append", dest="presets", choices=list(COLUMNS))
     parser.add_argument("--captures", type=Path, help="folder of captures; default: mocap in IMITOR_SHARED")
     parser.add_argument("--frames", type=int, help="only the first frames")
+    parser.add_argument("--set", action="append", default=[], dest="sets", help="change an option")
     parser.add_argument("--jobs", type=int, default=1, help="recordings that run at the same time")
     parser.add_argument("--docs", type=Path, help="folder of the documentation to write to")
     return parser.parse_args()

@@ -21,7 +21,9 @@ class ContactTransitionConfig(Config):
     """Options of the transition to contact."""
 
     object: str | None = Field(
-        None, description="Name of the object of the environment that is held; none: no contact ever [-]."
+        None,
+        description="Name of the object of the environment that is held; none, or an empty environment: no contact "
+        "ever [-].",
     )
     grip_offset_m: Vector = Field(
         (0.0, 0.0, 0.0),
@@ -110,7 +112,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         """Look up hands, posture and pelvis; find the object.
 
         Raises:
-            ImitorError: The environment has no object of this name.
+            ImitorError: The environment has objects, but none of this name.
         """
         from imitor.contact.grasp import Grasp
         from imitor.contact.grips import Grips
@@ -125,7 +127,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         if "pelvis" in stack:
             self._pelvis = stack["pelvis"]
         self.grips = self._grasp = None
-        if c.object is not None:
+        if c.object is not None and self.environment:
             self.grips = Grips(self.environment, c.object, c.grip_offset_m, c.travel_m)
             self._grasp = Grasp(self.grips, c.grasp_m)
 

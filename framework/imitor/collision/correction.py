@@ -17,6 +17,7 @@ import numpy as np
 from imitor.collision.feet import Feet
 from imitor.collision.separation import CLOSE_RAD, EXACT_M, Separation
 from imitor.collision.shapes import Shapes
+from imitor.errors import ImitorError
 from imitor.safety.guard import Guard
 from imitor.tasks import TaskStack
 from imitor.types import STATUS, Array, BoolArray, Configuration
@@ -93,7 +94,11 @@ class Correction:
             self._guard.reset()
 
     def apply(self, stack: TaskStack, state: Configuration) -> None:
-        """Change ``state.q`` in place, and leave the robot updated at it."""
+        """Change ``state.q`` in place, and leave the robot updated at it.
+
+        Raises:
+            ImitorError: The robot begins inside an object of the environment.
+        """
         q, sent, robot = state.q, state.sent, self._robot
         self.separation.distances.move_objects(stack.object_shift)
         if sent is not None and np.array_equal(q, sent):
@@ -127,6 +132,28 @@ class Correction:
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
         if depth > 0.001:
             self.left += 1
+        if first and depth > self._settings.margin_m:
+            self._check_start()
+
+    def _check_start(self) -> None:
+        """Refuse to begin inside an object, where no pose leads out.
+
+        Raises:
+            ImitorError: The robot, at its last update, is inside an object; says in which and how deep.
+        """
+        shapes = self.separation.distances.shapes
+        pairs, distance, _, _ = self.separation.distances.below(0.0)
+        other = shapes.pairs[pairs].max(axis=1)
+        inside = other >= len(shapes.links) - shapes.n_objects
+        if not inside.any():
+            return
+        deepest = int(np.where(inside, distance, np.inf).argmin())
+        i, j = sorted(shapes.pairs[pairs[deepest]].tolist())
+        raise ImitorError(
+            f"the robot begins inside '{shapes.links[j]}' of the environment: {shapes.links[i]} is "
+            f"{-1e3 * distance[deepest]:.0f} mm deep in it. Is this recording made there? Move the object, --set "
+            f"environment.{shapes.links[j]}.position_m=[x,y,z], or leave all of them out, --set environment=[]"
+        )
 
     def _free(self, stack: TaskStack) -> tuple[BoolArray, bool, BoolArray]:
         """Return the joints of standing feet, whether those may change, too, and all that may, shape (n,) each."""

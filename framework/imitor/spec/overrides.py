@@ -20,9 +20,10 @@ from imitor.spec.cards import hint_for, known
 from imitor.spec.document import Document, Loc
 from imitor.spec.yaml_marks import parse_value
 
-_TOP_LEVEL: Final = ("robot", "rate_hz", "speed", "settle_s", "seed")
+_TOP_LEVEL: Final = ("robot", "rate_hz", "speed", "settle_s", "seed", "environment")
 _TRACKING: Final = "tracking"
-"""The one key of the top level that has options of its own."""
+_ENVIRONMENT: Final = "environment"
+"""The keys of the top level that have options of their own; those of the environment are found by an object's name."""
 _RESERVED: Final = ("use", "id", *STAGE_KINDS)
 
 
@@ -169,6 +170,8 @@ def set_option(document: Document, text: str, registry: Registry) -> list[Proble
         if _TRACKING not in document.data:
             document.override((_TRACKING,), {}, origin)
         return _put(document, (_TRACKING,), steps[1:], parsed.data, origin)
+    if steps[0] == _ENVIRONMENT:
+        return _set_object(document, steps[1:], parsed.data, origin)
     place = _find(document, steps[0])
     if isinstance(place, str):
         return [Problem(origin, 0, 0, "", f"no stage is called '{steps[0]}'", place)]
@@ -183,6 +186,20 @@ def set_option(document: Document, text: str, registry: Registry) -> list[Proble
         if default is not None:
             document.override((*loc, steps[1]), default, origin)
     return _put(document, loc, steps[1:], parsed.data, origin)
+
+
+def _set_object(document: Document, steps: list[str], value: Any, origin: str) -> list[Problem]:
+    """Set an option of an object of the environment."""
+    objects = document.data.get(_ENVIRONMENT)
+    names = [str(o.get("name")) if isinstance(o, dict) else "" for o in objects or ()]
+    if steps[0] not in names:
+        hint = hint_for(steps[0], names) if names else "there is none; set the whole list: environment=[...]"
+        return [Problem(origin, 0, 0, "", f"the environment has no object '{steps[0]}'", hint)]
+    loc: Loc = (_ENVIRONMENT, names.index(steps[0]))
+    if len(steps) == 1:
+        document.override(loc, value, origin)
+        return []
+    return _put(document, loc, steps[1:], value, origin)
 
 
 def _put(document: Document, loc: Loc, steps: list[str], value: Any, origin: str) -> list[Problem]:
