@@ -132,7 +132,7 @@ class Correction:
             self.largest_rad = max(self.largest_rad, float(np.abs(self._offset).max()))
         if depth > 0.001:
             self.left += 1
-        if first and depth > self._settings.margin_m:
+        if sent is None and depth > self._settings.margin_m and self._settings.hold:
             self._check_start()
 
     def _check_start(self) -> None:
