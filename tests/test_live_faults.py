@@ -8,6 +8,7 @@ import pty
 import resource
 import signal
 import sys
+import termios
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -414,11 +415,31 @@ def test_keys_that_come_together_are_all_heard(terminal: int) -> None:
     assert keys.begin()
     os.write(terminal, b"\x1bOR")  # F3
     time.sleep(0.05)
-    os.write(terminal, b"ps")
+    os.write(terminal, b"pr")
     assert until(lambda: len(operator._requests) == 2)
-    assert [operator.take(), operator.take()] == [Request.PAUSE, Request.STOP]
+    assert [operator.take(), operator.take()] == [Request.PAUSE, Request.RESUME]
     keys.end()
     os.close(terminal)
+
+
+def test_a_stop_comes_first_and_is_never_forgotten() -> None:
+    operator = Operator()
+    for request in [Request.PAUSE] * 100 + [Request.STOP] + [Request.RESUME] * 100:
+        operator.ask(request)
+    assert operator.take() is Request.STOP
+    assert sum(operator.take() is Request.RESUME for _ in range(100)) == 15  # no queue grows
+
+
+def test_being_ended_while_waiting_leaves_the_terminal_as_it_was(terminal: int) -> None:
+    before = termios.tcgetattr(sys.stdin)
+    with pytest.raises(SystemExit) as caught, Operator().keys() as keys:
+        assert keys
+        assert termios.tcgetattr(sys.stdin) != before
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(5.0)
+    assert caught.value.code == 128 + signal.SIGTERM
+    assert termios.tcgetattr(sys.stdin) == before
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_a_terminal_that_goes_away_ends_the_keys_alone(terminal: int) -> None:

@@ -19,6 +19,8 @@ HELP: Final = "keys: p or space pause, r resume, s stop, q quit"
 _ESCAPE: Final = b"\x1b"
 _QUIT: Final = "q"
 _POLL_S: Final = 0.2
+_MOST_WAITING: Final = 16
+"""So many requests wait at most; more are no operator's."""
 
 
 class Operator:
@@ -30,12 +32,15 @@ class Operator:
     """
 
     def __init__(self) -> None:
-        self._requests: deque[Request] = deque(maxlen=16)
+        self._requests: deque[Request] = deque()
         self.quits = self.interrupted = False
 
     def ask(self, request: Request) -> None:
-        """Ask for something at the next step."""
-        self._requests.append(request)
+        """Ask for something at the next step; a stop comes before all that is still to come, and is never forgotten."""
+        if request is Request.STOP:
+            self._requests.clear()
+        if len(self._requests) < _MOST_WAITING:
+            self._requests.append(request)
 
     def take(self) -> Request:
         """Return what is asked for, if anything."""
@@ -69,15 +74,22 @@ class Operator:
 
     @contextlib.contextmanager
     def keys(self) -> Iterator[bool]:
-        """Listen to keys while the context lasts; yields whether there is a terminal to listen to."""
+        """Listen to keys while the context lasts; yields whether there is a terminal to listen to.
+
+        SIGTERM then ends the program by way of `SystemExit`, so that the terminal is left as it was.
+        """
         listener = _Keys(self) if sys.stdin is not None and sys.stdin.isatty() else None
         if listener is None or not listener.begin():
             yield False
             return
+        main = threading.current_thread() is threading.main_thread()
+        before = signal.signal(signal.SIGTERM, _leave) if main else None
         try:
             yield True
         finally:
             listener.end()
+            if main:
+                signal.signal(signal.SIGTERM, before)
 
     def press(self, key: str) -> None:
         """Take a key."""
@@ -85,6 +97,10 @@ class Operator:
             self.quits = True
         elif key in KEYS:
             self.ask(KEYS[key])
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    raise SystemExit(128 + number)
 
 
 class _Keys(threading.Thread):
