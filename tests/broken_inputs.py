@@ -316,7 +316,7 @@ def _recordings() -> Iterator[Case]:
     flat = re.sub("OFFSET .*", "OFFSET 0 0 0", BVH)
     for wrong, content, said in (
         ("an empty file", "", "walk.bvh: the file is empty"),
-        ("no text", b"\0\1\2\3", "walk.bvh: is not a text file, so not BVH"),
+        ("no text", b"\0\1\2\3", "walk.bvh: is not a text file, so not a BVH file"),
         ("another format", "ezc3d\n", "walk.bvh:1: a BVH file begins with HIERARCHY, this one with 'ezc3d'"),
         ("a brace too few", _changed(BVH, "}\nMOTION", "MOTION"), "walk.bvh:3: the '{' of 'Hips' is never closed"),
         ("a misspelt channel", _changed(BVH, "Zrotation", "Zrotaton"),

@@ -8,6 +8,8 @@ import threading
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+import numpy as np
+
 from imitor.kinds import Source
 from imitor.live.receiver import bind
 from imitor.live.sample import BadDatagram, Decoder, Sample
@@ -48,6 +50,18 @@ def heard(
         over.set()
         source.close()
         thread.join(5.0)
+
+
+def check_over_a_bad_network(cls: type[LiveSource[Any]], played: Source[Any]) -> None:
+    """Check that frames go forward in time over a network that loses, delays and doubles, and all of it is told."""
+    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
+    with heard(cls, played, bad, learn_s=1.2) as source:
+        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
+        r = source.reception
+        assert len(frames) == 100
+        assert min(r.duplicated, r.reordered) > 0
+        assert r.malformed == r.foreign == 0
+        assert np.diff([f.time_s for f in frames]).min() > 0
 
 
 class StopPlaying(Exception):

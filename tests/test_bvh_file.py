@@ -125,7 +125,7 @@ def cut_after(line: int) -> str:
 BROKEN: dict[str, tuple[str | bytes, str]] = {
     "empty": ("", "{path}: the file is empty"),
     "blank": (" \n\n", "{path}: the file is empty"),
-    "binary": (b"\x00\x01\x02BVH\x00", "{path}: is not a text file, so not BVH"),
+    "binary": (b"\x00\x01\x02BVH\x00", "{path}: is not a text file, so not a BVH file"),
     "another format": (
         "ply\nformat ascii",
         "{path}:1: a BVH file begins with HIERARCHY, this one with 'ply'",

@@ -343,7 +343,7 @@ def cell(lines: list[str], line: int, k: int) -> str:
 
 BROKEN: dict[str, tuple[str, str]] = {
     "empty": (" \n", ": the file is empty"),
-    "binary": ("\0\1" * 50, ": is not a text file, so no table of skeleton points"),
+    "binary": ("\0\1" * 50, ": is not a text file, so not a table of skeleton points (.csv, .txt)"),
     "another table": ("a,b\n1,2\n", f":1: {NOT_A_TABLE}"),
     "too few columns": (
         changed(TABLE, 2, cell(TABLE, 2, 0) + ",", ""),
@@ -404,7 +404,7 @@ def test_what_is_said_about_a_broken_file(tmp_path: Path, case: str) -> None:
 
 
 def test_what_is_said_about_files_that_are_not_there(tmp_path: Path) -> None:
-    for path, message in ((tmp_path, "is a folder; give a .csv or .txt file of skeleton points"),
+    for path, message in ((tmp_path, "is a folder; give a table of skeleton points (.csv, .txt)"),
                           (tmp_path / "no.csv", "there is no such file")):  # fmt: skip
         with pytest.raises(SourceError) as error:
             Kinect(KinectConfig(path=str(path))).start()

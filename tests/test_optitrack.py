@@ -27,12 +27,11 @@ from imitor.live.natnet_model import Bone, SkeletonModel, read_model
 from imitor.live.natnet_sender import NatNetEncoder
 from imitor.live.quaternions import quaternions, rotations
 from imitor.live.sample import Foreign, Malformed, Sample
-from imitor.live.stream import Network
 from imitor.plugins.sources.optitrack import Optitrack, OptitrackConfig
 from imitor.plugins.sources.performer import Performer
 from imitor.types import ROLE_INDEX, HumanFrame
 from known import known
-from live_people import heard
+from live_people import check_over_a_bad_network, heard
 from live_streams import datagrams, decoded, performer, received, taken
 
 Array = NDArray[np.float64]
@@ -567,14 +566,7 @@ def test_a_server_that_is_no_machine_is_told() -> None:
 
 
 def test_over_a_bad_network() -> None:
-    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
-    with heard(Optitrack, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
-        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
-        r = source.reception
-        assert len(frames) == 100
-        assert min(r.duplicated, r.reordered) > 0
-        assert r.malformed == r.foreign == 0
-        assert np.diff([f.time_s for f in frames]).min() > 0
+    check_over_a_bad_network(Optitrack, performer(rate_hz=100.0))
 
 
 def test_over_a_socket() -> None:

@@ -18,13 +18,12 @@ from imitor.human.rotations import about_x, about_y, about_z
 from imitor.live.osc import OscReader, bundles
 from imitor.live.quaternions import quaternions
 from imitor.live.sample import BadDatagram, Foreign, Malformed, Sample
-from imitor.live.stream import Network
 from imitor.live.vmc import BONES, VmcDecoder, VmcPose
 from imitor.live.vmc_body import FROM_UNITY, BoneTree
 from imitor.plugins.sources.vmc_osc import VmcOsc, VmcOscConfig
 from imitor.types import ROLE_INDEX
 from known import known
-from live_people import heard
+from live_people import check_over_a_bad_network, heard
 from live_streams import datagrams, decoded, performer, received, taken
 
 osc_packet = pytest.importorskip("pythonosc.osc_packet")
@@ -398,14 +397,7 @@ def test_a_stream_without_a_body_is_refused() -> None:
 
 
 def test_over_a_bad_network() -> None:
-    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
-    with heard(VmcOsc, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
-        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
-        r = source.reception
-        assert len(frames) == 100
-        assert min(r.duplicated, r.reordered) > 0
-        assert r.malformed == r.foreign == 0
-        assert np.diff([f.time_s for f in frames]).min() > 0
+    check_over_a_bad_network(VmcOsc, performer(rate_hz=100.0))
 
 
 def test_over_a_socket() -> None:

@@ -20,7 +20,6 @@ from imitor.live.quaternions import quaternions, rotations
 from imitor.live.receiver import Arrival
 from imitor.live.sample import BadDatagram, Foreign, Malformed, Sample
 from imitor.live.source import measured_rate
-from imitor.live.stream import Network
 from imitor.live.xsens_null_pose import NullPose, null_pose_payloads, read_null_pose
 from imitor.live.xsens_wire import XsensDecoder, header, write_pose
 from imitor.motion.mvnx_body import ORIGIN, matrices
@@ -30,7 +29,7 @@ from imitor.plugins.sources.mvnx import Mvnx, MvnxConfig
 from imitor.plugins.sources.xsens_udp import XsensUdp, XsensUdpConfig
 from imitor.types import ROLE_INDEX, SIDES
 from known import known
-from live_people import heard
+from live_people import check_over_a_bad_network, heard
 from live_streams import datagrams, decoded, performer, received, taken
 from test_mvnx_source import t_pose
 
@@ -397,14 +396,7 @@ def test_a_recording_without_orientations_cannot_be_sent() -> None:
 
 
 def test_over_a_bad_network() -> None:
-    bad = Network(loss=0.1, jitter_s=0.002, reorder=0.1, duplicate=0.1, seed=1)
-    with heard(XsensUdp, performer(rate_hz=100.0), bad, learn_s=1.2) as source:
-        frames = [f for f, _ in zip(source.frames(), range(100), strict=False)]
-        r = source.reception
-        assert len(frames) == 100
-        assert min(r.duplicated, r.reordered) > 0
-        assert r.malformed == r.foreign == 0
-        assert np.diff([f.time_s for f in frames]).min() > 0
+    check_over_a_bad_network(XsensUdp, performer(rate_hz=100.0))
 
 
 def test_over_a_socket() -> None:

@@ -8,8 +8,9 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import SourceError, did_you_mean
-from imitor.motion.asf_file import ROOT, Asf, extrinsic, read_asf, read_lines
+from imitor.motion.asf_file import ROOT, Asf, extrinsic, read_asf
 from imitor.motion.bvh_file import Bvh
+from imitor.motion.text_file import read_lines
 from imitor.types import Array
 
 MAX_FRAMES: Final = 1_000_000
@@ -77,7 +78,7 @@ def read_amc(path: str | Path, asf_path: str | Path, rate_hz: float) -> Bvh:
 
 def _frames(path: str | Path, asf: Asf) -> tuple[Array, bool]:
     """Return the values of all bones in their order, shape (T, N), and whether angles are in degrees."""
-    lines = read_lines(path)
+    lines = read_lines(path, "an AMC file")
     wanted = {bone.name: len(bone.dof) for bone in asf.bones if bone.dof}
     rows: list[list[float]] = []
     frame: dict[str, list[float]] = {}

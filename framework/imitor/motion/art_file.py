@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 
 from imitor.errors import SourceError
-from imitor.motion.asf_file import read_lines
 from imitor.motion.marker_file import MAX_VALUES
+from imitor.motion.text_file import read_lines
 from imitor.types import Array
 
 PER_TARGET: Final = 7
@@ -58,7 +58,11 @@ def read_targets(path: str | Path, targets: int) -> Array:
         SourceError: The file is broken; says where and why.
     """
     rows = []
-    lines = [(i, line.split()) for i, line in enumerate(read_lines(path), 1) if line.strip()]
+    lines = [
+        (i, line.split())
+        for i, line in enumerate(read_lines(path, "a table of ART targets"), 1)
+        if line.strip()
+    ]
     if len(lines) * targets * PER_TARGET > MAX_VALUES:
         raise SourceError(path, f"{len(lines)} frames of {targets} targets are more than can be read")
     for k, (number, words) in enumerate(lines):

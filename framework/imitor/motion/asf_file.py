@@ -15,6 +15,7 @@ import numpy as np
 
 from imitor.errors import SourceError, did_you_mean
 from imitor.motion.bvh_hierarchy import Node
+from imitor.motion.text_file import read_lines
 from imitor.types import Array
 
 INCH_M: Final = 0.0254
@@ -103,38 +104,13 @@ def extrinsic(order: str, angles: Array) -> Array:
     return out
 
 
-def read_lines(path: str | Path) -> list[str]:
-    """Return the lines of an ASF or AMC file; some have comments that are not UTF-8.
-
-    Raises:
-        SourceError: The file cannot be read.
-    """
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise SourceError(path, "there is no such file") from None
-    except IsADirectoryError:
-        raise SourceError(path, "is a folder, not a file") from None
-    except OSError as error:
-        raise SourceError(path, f"cannot be read: {error.strerror}") from None
-    if not data.strip():
-        raise SourceError(path, "the file is empty")
-    if b"\0" in data[:4096]:
-        raise SourceError(path, "is not a text file")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-
-
 def read_asf(path: str | Path) -> Asf:
     """Read a skeleton.
 
     Raises:
         SourceError: The file is broken or no ASF file; says where and why.
     """
-    return _Parser(path, read_lines(path)).parse()
+    return _Parser(path, read_lines(path, "an ASF file")).parse()
 
 
 class _Parser:

@@ -18,6 +18,7 @@ import numpy as np
 from imitor.atomic import atomic
 from imitor.errors import SourceError
 from imitor.motion.bvh_hierarchy import Hierarchy, Node
+from imitor.motion.text_file import read_text
 from imitor.types import Array
 
 MAX_VALUES: Final = 100_000_000
@@ -54,7 +55,7 @@ def read_bvh(path: str | Path) -> Bvh:
     Raises:
         SourceError: The file cannot be read or is not a well-formed BVH file; says where and why.
     """
-    text = _read_text(path)
+    text = read_text(path, "a BVH file")
     start = _MOTION.search(text)
     header = text[: start.start()] if start else text
     nodes = Hierarchy(path, header).parse(complete=start is not None)
@@ -103,27 +104,6 @@ def write_bvh(
     lines += [" ".join(f"{v:.{digits}g}" for v in row) for row in np.asarray(motion)[:, columns]]
     with atomic(Path(path)) as temporary:
         temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _read_text(path: str | Path) -> str:
-    file = Path(path)
-    if file.is_dir():
-        raise SourceError(path, "is a folder; give a BVH file")
-    try:
-        data = file.read_bytes()
-    except FileNotFoundError:
-        raise SourceError(path, "there is no such file") from None
-    except OSError as error:
-        raise SourceError(path, f"cannot be read: {error.strerror or error}") from error
-    if not data.strip():
-        raise SourceError(path, "the file is empty")
-    if b"\0" in data[:4096]:
-        raise SourceError(path, "is not a text file, so not BVH")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:  # old files hold names in the code page of their writer
-        text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _read_motion(path: str | Path, text: str, at: int, nodes: tuple[Node, ...]) -> Bvh:

@@ -21,11 +21,11 @@ from imitor.motion.kinect_text import (
     NUMBER_COLUMNS,
     confidence,
     numbers,
-    read_text,
     split,
     split_axis,
     tell_layout,
 )
+from imitor.motion.text_file import read_lines
 from imitor.types import Array
 
 TIME_COLUMNS: Final = ("time_s", "time_ms", "time", "timestamp", "timestamp3", "relativetime", "t")
@@ -33,6 +33,7 @@ TIME_COLUMNS: Final = ("time_s", "time_ms", "time", "timestamp", "timestamp3", "
 TIME_UNITS: Final = (1.0, 1e-3, 1e-6, 1e-7)
 """Units of time stamps [s]: seconds, milliseconds, microseconds (OpenNI), ticks of 100 ns (Kinect)."""
 NOMINAL_HZ: Final = 30.0
+_WANTED: Final = "a table of skeleton points (.csv, .txt)"
 _LAYOUTS: Final = (
     "expected a header of point names, lines of x y z for 15, 20 or 25 points (45, 60 or 75 columns, also with "
     "confidences or quaternions and a leading time), or brackets (name,state,x,y,z)"
@@ -87,13 +88,13 @@ def read_capture(path: str | Path, angles_path: str | None = None) -> Capture:
     Raises:
         SourceError: The file is broken or no such table; says where and why.
     """
-    lines = read_text(path)
+    lines = read_lines(path, _WANTED)
     layout = tell_layout(lines)
     first = next(i for i, text in enumerate(lines) if text.strip())
     if layout is None:
         raise SourceError(path, f"is no table of skeleton points: {_LAYOUTS}", first + 1)
     if layout == "offsets":
-        position = chain_offsets(path, angles_path, lambda p: number_table(p, read_text(p)))
+        position = chain_offsets(path, angles_path, lambda p: number_table(p, read_lines(p, _WANTED)))
         position *= (-1.0, 1.0, -1.0)  # written with z towards the sensor and x to the left
         return Capture(UI_PRMD, layout, position, np.ones(position.shape[:2]), None)
     if layout == "numbers":

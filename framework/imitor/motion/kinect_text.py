@@ -13,9 +13,6 @@ from imitor.errors import SourceError
 from imitor.motion.kinect_points import canonical
 from imitor.types import Array
 
-MAX_BYTES: Final = 1_000_000_000
-"""Bound on the size of a file, so that a broken or hostile one cannot take all memory [bytes]."""
-
 STATES: Final = {"tracked": 1.0, "inferred": 0.5, "nottracked": 0.0, "not tracked": 0.0}
 """Tracking states of the Microsoft SDK as confidences [-]."""
 
@@ -34,40 +31,6 @@ NUMBER_COLUMNS: Final = {
 _AXIS = re.compile(
     r"^(.*?)[\s._\-:]*\(?([xyz]|c|conf|confidence|state|status|trackingstate)\)?$", re.IGNORECASE
 )
-
-
-def read_text(path: str | Path) -> list[str]:
-    """Return the lines of a file.
-
-    Raises:
-        SourceError: It cannot be read or is no text.
-    """
-    file = Path(path)
-    if file.is_dir():
-        raise SourceError(path, "is a folder; give a .csv or .txt file of skeleton points")
-    try:
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise SourceError(path, f"has {size} bytes; files up to {MAX_BYTES} are read: cut it into parts")
-        data = file.read_bytes()
-    except FileNotFoundError:
-        raise SourceError(path, "there is no such file") from None
-    except OSError as error:
-        raise SourceError(path, f"cannot be read: {error.strerror or error}") from error
-    if not data.strip():
-        raise SourceError(path, "the file is empty")
-    if b"\0" in data[:4096]:
-        raise SourceError(path, "is not a text file, so no table of skeleton points")
-    return decode(data).split("\n")
-
-
-def decode(data: bytes) -> str:
-    """Return bytes as text with plain line ends."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def tell_layout(lines: Sequence[str]) -> str | None:

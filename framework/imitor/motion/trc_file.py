@@ -16,6 +16,7 @@ import numpy as np
 from imitor.atomic import atomic
 from imitor.errors import SourceError
 from imitor.motion.marker_file import MAX_VALUES, UNIT_NAMES, MarkerFile
+from imitor.motion.text_file import read_lines
 from imitor.types import Array
 
 _MARK: Final = "PathFileType"
@@ -36,7 +37,7 @@ def read_trc(path: str | Path) -> MarkerFile:
     Raises:
         SourceError: The file is broken or no TRC file; says where and why.
     """
-    lines = _lines(path)
+    lines = read_lines(path, "a TRC file")
     facts = _header(path, lines)
     names, row = _names(path, lines)
     rate_hz = _positive(path, facts, "DataRate")
@@ -57,26 +58,6 @@ def read_trc(path: str | Path) -> MarkerFile:
             notes.append(f"the time column steps by {step:g} s, the header's rate is {rate_hz:g} Hz")
     unit = UNIT_NAMES.get(facts.get("Units", "").lower(), "")
     return MarkerFile(tuple(names), position, rate_hz, unit=unit, notes=tuple(notes))
-
-
-def _lines(path: str | Path) -> list[str]:
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise SourceError(path, "there is no such file") from None
-    except IsADirectoryError:
-        raise SourceError(path, "is a folder, not a file") from None
-    except OSError as error:
-        raise SourceError(path, f"cannot be read: {error.strerror}") from None
-    if not data.strip():
-        raise SourceError(path, "the file is empty")
-    if b"\0" in data[:4096]:
-        raise SourceError(path, "is not a text file")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
-    return text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
 
 
 def _header(path: str | Path, lines: Sequence[str]) -> dict[str, str]:
