@@ -51,7 +51,7 @@ def stance_margin(pipeline: Pipeline, foot: int) -> float:
 def steps() -> list[dict[str, Any]]:
     """The step forward, frame by frame."""
     pipeline = preset(**{"source.scenario": "step_forward"})
-    machine, out = stabilizer(pipeline).machine, []
+    machine, out = stabilizer(pipeline).footsteps.machine, []
     for record in pipeline.records():
         out.append(
             {
@@ -61,7 +61,7 @@ def steps() -> list[dict[str, Any]]:
                 "feet": [pipeline.robot.position(f"{s}_foot").copy() for s in SIDES],
                 "corners": pipeline.robot.sole_corners(),
                 "margin": com_margin(pipeline),
-                "landing": stabilizer(pipeline).landing.copy(),
+                "landing": stabilizer(pipeline).footsteps.landing.copy(),
                 "anchor": record.stack.anchor,
                 "hands": bool(record.stack["left_hand"].active[0]),
             }
@@ -260,7 +260,7 @@ def test_the_body_stands_where_the_human_does() -> None:
     for frame in (first, moved):
         pipeline.reset()
         pipeline.step(frame)
-        feet.append([p[:2, 3].copy() for p in stabilizer(pipeline).place])
+        feet.append([p[:2, 3].copy() for p in stabilizer(pipeline).footsteps.place])
         hands.append(pipeline.robot.position("left_hand") - pipeline.stack["left_hand"].target)
     shift = np.diff(np.array(feet), axis=0)[0]
     np.testing.assert_allclose(shift[0], shift[1], atol=1e-6)
