@@ -101,7 +101,12 @@ def main() -> None:
     args = parser.parse_args()
     registry = Registry(entry_points=False)
     registry.add(Checked, "benchmark")
-    sets = [f"source.port={args.port}", f"rate_hz={args.rate}", "source.wait_s=120", *args.sets]
+    sets = [
+        f"source.port={args.port}",
+        f"rate_hz={args.rate}",
+        f"source.wait_s={120 + 5 * args.minutes}",
+        *args.sets,
+    ]
     spec = load_pipeline(
         args.preset, registry, source="joints_udp", robot=args.robot, sets=sets, add_sinks=["checked"]
     )

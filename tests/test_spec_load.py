@@ -170,10 +170,11 @@ def test_set_the_environment(registry: Registry) -> None:
         f"environment={TABLE}",
         "environment.table.position_m=[0.5, 0, 0.7]",
         "environment.table.size_m.2=0.05",
+        "environment.pole.position_m.2=1.0",
     ]
     table, pole = load(registry, sets=sets).environment
     assert (list(table["position_m"]), list(table["size_m"])) == ([0.5, 0, 0.7], [1, 1, 0.05])
-    assert list(pole["size_m"]) == [0.1, 0.1, 2]
+    assert (list(pole["position_m"]), list(pole["size_m"])) == ([0, 0, 1], [0.1, 0.1, 2])
     assert load(registry, sets=[*sets, "environment=[]"]).environment == []
 
 
@@ -190,6 +191,11 @@ def test_set_the_environment(registry: Registry) -> None:
 )
 def test_set_the_environment_refused(text: str, said: str, registry: Registry) -> None:
     assert refused(registry, sets=[f"environment={TABLE}", text]) == [f"--set {text}: {said}"]
+
+
+def test_set_an_object_of_what_is_no_list(registry: Registry) -> None:
+    told = refused(registry, sets=["environment=5", "environment.table.size_m=[1, 1, 1]"])
+    assert any("the environment has no object 'table'; there is none" in line for line in told)
 
 
 def test_set_an_object_where_there_is_none(registry: Registry) -> None:

@@ -249,7 +249,7 @@ def test_prepared_datagrams_are_the_same(capsys: pytest.CaptureFixture[str]) -> 
         status, err = call(capsys, *argv, "--prepare")
         heard = [sock.recv(65535) for _ in range(48)]
     assert status == 0
-    assert "\npreparing all datagrams ...\nsent 24 instants" in err
+    assert "\npreparing all datagrams ...\nprepared 24 instants" in err
     assert heard[:24] == heard[24:]
 
 

@@ -64,7 +64,9 @@ class _Object(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
-    name: str = Field(min_length=1, description="Name of the object, unique.")
+    name: str = Field(
+        min_length=1, pattern=r"^[^.]*$", description="Name of the object, unique, without dots."
+    )
     position_m: Point3 = Field((0.0, 0.0, 0.0), description="Where its origin is in world [m].")
     rpy_rad: Point3 | None = Field(
         None, description="Rotations about the world's x, then y, then z [rad]; default none."

@@ -303,7 +303,7 @@ def _finishing(where: str, result: RunResult) -> Iterator[None]:
     """Let what fails at the end, or is interrupted, leave the rest its turn."""
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):
         result.status, result.message = "interrupted", f"{where}: interrupted while finishing"
     except Exception as error:
         text = f"{where}: {told(error)}"

@@ -122,7 +122,10 @@ class JointsDecoder:
             rows = [*chain.from_iterable(rows)]
         if not {*map(type, rows)} <= _NUMBERS:
             raise Malformed
-        numbers = np.array(rows, dtype=np.float64)
+        try:
+            numbers = np.array(rows, dtype=np.float64)
+        except OverflowError:  # a whole number of hundreds of digits
+            raise Malformed from None
         if not (np.abs(numbers) < FARTHEST_M).all():
             raise Malformed
         out[[index[name] for name in known]] = numbers.reshape(-1, width)

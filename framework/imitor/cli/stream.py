@@ -149,7 +149,10 @@ def execute(args: argparse.Namespace) -> int:
         interrupted = True
     finally:
         source.close()
-    say(("interrupted: " if interrupted else "") + _summary(sent, where))
+    say(
+        ("interrupted: " if interrupted else "")
+        + _summary(sent, where, "prepared" if args.prepare else "sent")
+    )
     return 130 if interrupted else 0
 
 
@@ -205,8 +208,8 @@ def _length(source: Source[Any], args: argparse.Namespace) -> str:
     return f"{seconds:.1f} s" + (" over and over" if args.loop else "")
 
 
-def _summary(sent: Sent, where: str) -> str:
-    text = f"sent {sent.instants} instants {where}: {sent.datagrams} datagrams, {sent.bytes / 1000:.0f} kB"
+def _summary(sent: Sent, where: str, done: str) -> str:
+    text = f"{done} {sent.instants} instants {where}: {sent.datagrams} datagrams, {sent.bytes / 1000:.0f} kB"
     chance = (("lost", sent.lost), ("reordered", sent.reordered), ("duplicated", sent.duplicated))
     parts = [f"{count} {name}" for name, count in chance if count]
     return (

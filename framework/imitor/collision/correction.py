@@ -151,7 +151,7 @@ class Correction:
         i, j = sorted(shapes.pairs[pairs[deepest]].tolist())
         raise ImitorError(
             f"the robot begins inside '{shapes.links[j]}' of the environment: {shapes.links[i]} is "
-            f"{-1e3 * distance[deepest]:.0f} mm deep in it. Is this recording made there? Move the object, --set "
+            f"{-1e3 * distance[deepest]:.1f} mm deep in it. Is this recording made there? Move the object, --set "
             f"environment.{shapes.links[j]}.position_m=[x,y,z], or leave all of them out, --set environment=[]"
         )
 
@@ -166,9 +166,8 @@ class Correction:
         robot, offset = self._robot, self._offset
         if offset is None or not offset.any():
             return np.zeros(robot.n), np.zeros(robot.n)
-        before = np.where(
-            self._free(stack)[2], offset, 0.0
-        )  # a foot that stands again stands where it was told to
+        # A foot that stands again stands where it was told to.
+        before = np.where(self._free(stack)[2], offset, 0.0)
         wish = self._fade * before
         wish[np.abs(wish) < _GONE_RAD] = 0.0
         # at the end of a joint's range there is no room for it: no reason to slow the whole pose down

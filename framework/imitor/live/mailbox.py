@@ -17,9 +17,8 @@ class Mailbox(Generic[T]):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._empty = (
-            threading.Lock()
-        )  # held while there is nothing to take: who waits for it waits for a thing
+        # Held while there is nothing to take: who waits for it waits for a thing.
+        self._empty = threading.Lock()
         self._empty.acquire()
         self._thing: T | None = None
         self._closed = False

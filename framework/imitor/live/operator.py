@@ -7,10 +7,9 @@ import os
 import signal
 import sys
 import threading
-from collections import deque
 from collections.abc import Iterator
 from types import FrameType
-from typing import Final
+from typing import Any, Final
 
 from imitor.safety.tracking import Request
 
@@ -19,8 +18,6 @@ HELP: Final = "keys: p or space pause, r resume, s stop, q quit"
 _ESCAPE: Final = b"\x1b"
 _QUIT: Final = "q"
 _POLL_S: Final = 0.2
-_MOST_WAITING: Final = 16
-"""So many requests wait at most; more are no operator's."""
 
 
 class Operator:
@@ -32,22 +29,26 @@ class Operator:
     """
 
     def __init__(self) -> None:
-        self._requests: deque[Request] = deque()
+        self._stop, self._last = False, Request.NONE
+        self._lock = threading.Lock()
         self.quits = self.interrupted = False
 
     def ask(self, request: Request) -> None:
-        """Ask for something at the next step; a stop comes before all that is still to come, and is never forgotten."""
-        if request is Request.STOP:
-            self._requests.clear()
-        if len(self._requests) < _MOST_WAITING:
-            self._requests.append(request)
+        """Ask for something at the next step: a stop, which is never forgotten, and then what was asked for last."""
+        with self._lock:
+            if request is Request.STOP:
+                self._stop, self._last = True, Request.NONE
+            else:
+                self._last = request
 
     def take(self) -> Request:
         """Return what is asked for, if anything."""
-        try:
-            return self._requests.popleft()
-        except IndexError:
-            return Request.NONE
+        with self._lock:
+            if self._stop:
+                self._stop = False
+                return Request.STOP
+            request, self._last = self._last, Request.NONE
+            return request
 
     @contextlib.contextmanager
     def on_interrupt(self) -> Iterator[None]:
@@ -79,14 +80,16 @@ class Operator:
         SIGTERM then ends the program by way of `SystemExit`, so that the terminal is left as it was.
         """
         listener = _Keys(self) if sys.stdin is not None and sys.stdin.isatty() else None
-        if listener is None or not listener.begin():
+        if listener is None:
             yield False
             return
         main = threading.current_thread() is threading.main_thread()
         before = signal.signal(signal.SIGTERM, _leave) if main else None
         try:
-            yield True
+            yield listener.begin()
         finally:
+            if main:
+                signal.signal(signal.SIGTERM, signal.SIG_IGN)  # the terminal first
             listener.end()
             if main:
                 signal.signal(signal.SIGTERM, before)
@@ -110,6 +113,7 @@ class _Keys(threading.Thread):
         super().__init__(name="imitor-keys", daemon=True)
         self._operator = operator
         self._closing = threading.Event()
+        self._before: list[Any] | None = None
 
     def begin(self) -> bool:
         try:
@@ -141,6 +145,8 @@ class _Keys(threading.Thread):
                     self._operator.press(key)
 
     def end(self) -> None:
+        if self._before is None:
+            return
         import termios
 
         self._closing.set()

@@ -22,6 +22,7 @@ from imitor.types import STATUS, Array
 HELD = STATUS.index("held")
 STUCK_S: Final = 5.0
 """A sink that has not taken a command after so long takes none any more [s]."""
+_LEEWAY_S: Final = 0.5
 _LATE: Final = 1.5
 """A solution that takes so many times as long as it should is late [-]."""
 
@@ -74,14 +75,16 @@ class Output(threading.Thread):
         self._closing.set()
         self.box.close()
         if self.is_alive():
-            self.join(5.0)
+            self.join(STUCK_S + _LEEWAY_S)
 
     @property
     def stuck(self) -> str:
         """The sink that is stuck in a command and cannot be finished either; empty when none is."""
         writing = self._writing
-        late = writing is not None and time.perf_counter() - writing[1] > STUCK_S
-        return writing[0] if writing is not None and late and self.is_alive() else ""
+        if writing is None or not self.is_alive():
+            return ""
+        where, since_s = writing
+        return where if time.perf_counter() - since_s > STUCK_S else ""
 
     def check(self) -> None:
         """Raise what went wrong.
@@ -168,7 +171,8 @@ class Output(threading.Thread):
         record.index, record.time_s = self.sent, time_s
         self._guard.apply(mirror.stack, state)
         for where, sink in self._sinks:
-            self._writing = where, time.perf_counter()
+            begin = time.perf_counter()
+            self._writing = where, begin
             try:
                 sink.write(record)
             except Exception as error:  # no robot to reach ends the run; what was finished is kept
@@ -176,6 +180,8 @@ class Output(threading.Thread):
                     f"{told(error)}. The frames before are kept.", frame=self.sent, time_s=time_s, stage=where
                 )
                 return
+            if self._closing.is_set() and time.perf_counter() - begin > STUCK_S:
+                return  # given up meanwhile: the others are finished
         self._writing = None
         self.sent += 1
 

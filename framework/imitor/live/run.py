@@ -139,8 +139,8 @@ class LiveRun:
                 thread.close()
             sys.setswitchinterval(switch)
             gc.unfreeze()
-        if self.output is not None and self.output.error is not None:  # it failed at the very end
-            raise self.output.error
+        if self.output is not None:  # it may have failed at the very end
+            self.output.check()
 
     def _steps(self, max_frames: int | None, done: Callable[[int], None]) -> None:
         start = time.perf_counter()

@@ -191,14 +191,19 @@ def set_option(document: Document, text: str, registry: Registry) -> list[Proble
 def _set_object(document: Document, steps: list[str], value: Any, origin: str) -> list[Problem]:
     """Set an option of an object of the environment."""
     objects = document.data.get(_ENVIRONMENT)
-    names = [str(o.get("name")) if isinstance(o, dict) else "" for o in objects or ()]
+    names = [
+        o.get("name") if isinstance(o, dict) else None for o in (objects if isinstance(objects, list) else [])
+    ]
     if steps[0] not in names:
-        hint = hint_for(steps[0], names) if names else "there is none; set the whole list: environment=[...]"
+        known = [n for n in names if isinstance(n, str)]
+        hint = hint_for(steps[0], known) if known else "there is none; set the whole list: environment=[...]"
         return [Problem(origin, 0, 0, "", f"the environment has no object '{steps[0]}'", hint)]
     loc: Loc = (_ENVIRONMENT, names.index(steps[0]))
     if len(steps) == 1:
         document.override(loc, value, origin)
         return []
+    if steps[1] == "position_m" and len(steps) == 3 and "position_m" not in objects[loc[1]]:
+        document.override((*loc, "position_m"), [0.0, 0.0, 0.0], origin)
     return _put(document, loc, steps[1:], value, origin)
 
 
