@@ -7,14 +7,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from imitor import Config, hookimpl
+from imitor import hookimpl
 from imitor.motion.art_file import BODY_17, is_target_table, read_targets
 from imitor.motion.clip import Clip
 from imitor.motion.recorded_source import RecordedSource
+from imitor.motion.recording_options import RecordingConfig
 from imitor.motion.target_recording import TargetOptions, check_names, make_target_recording
 
 
-class ArtTargetsConfig(Config):
+class ArtTargetsConfig(RecordingConfig):
     """Options of the source of rigid targets."""
 
     path: str = Field(
@@ -30,18 +31,8 @@ class ArtTargetsConfig(Config):
     up: Literal["x", "y", "z", "-x", "-y", "-z"] = Field(
         default="z", description="Axis of the file that points up."
     )
-    floor: Literal["auto", "file"] | float = Field(
-        default="auto",
-        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
-    )
     height_m: float | None = Field(
         default=None, gt=0.0, description="Stature of the person; none: from the segments [m]."
-    )
-    start_s: float = Field(default=0.0, ge=0.0, description="Where to begin, from the first frame [s].")
-    stop_s: float | None = Field(default=None, ge=0.0, description="Where to end, from the first frame [s].")
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 

@@ -6,17 +6,18 @@ from typing import Literal
 
 from pydantic import Field
 
-from imitor import Config, hookimpl
+from imitor import hookimpl
 from imitor.motion.amc_file import find_asf, read_amc
 from imitor.motion.clip import Clip
 from imitor.motion.kinematics import forward_kinematics
 from imitor.motion.recognition import choose_skeleton
 from imitor.motion.recorded_source import RecordedSource
 from imitor.motion.recording import ReadOptions, make_recording
+from imitor.motion.recording_options import RecordingConfig
 from imitor.registry import Registry
 
 
-class AsfAmcConfig(Config):
+class AsfAmcConfig(RecordingConfig):
     """Options of the Acclaim source."""
 
     path: str = Field(description="The AMC file.")
@@ -31,20 +32,6 @@ class AsfAmcConfig(Config):
     )
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] = Field(
         default="auto", description="Axis of the file that points up: auto or its name."
-    )
-    floor: Literal["auto", "file"] | float = Field(
-        default="auto",
-        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
-    )
-    start_s: float = Field(
-        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
-    )
-    stop_s: float | None = Field(
-        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
-    )
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 

@@ -6,17 +6,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from imitor import Config, hookimpl
+from imitor import hookimpl
 from imitor.motion.bvh_file import read_bvh
 from imitor.motion.clip import Clip
 from imitor.motion.kinematics import forward_kinematics
 from imitor.motion.recognition import choose_skeleton
 from imitor.motion.recorded_source import RecordedSource
 from imitor.motion.recording import ReadOptions, make_recording
+from imitor.motion.recording_options import RecordingConfig
 from imitor.registry import Registry
 
 
-class BvhConfig(Config):
+class BvhConfig(RecordingConfig):
     """Options of the BVH source."""
 
     path: str = Field(description="The BVH file.")
@@ -35,23 +36,9 @@ class BvhConfig(Config):
         gt=0.0,
         description="Stature of the person, to choose the unit or scale a file of unknown unit [m].",
     )
-    floor: Literal["auto", "file"] | float = Field(
-        default="auto",
-        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
-    )
     drop_tpose: Literal["auto"] | bool = Field(
         default="auto",
         description="Whether the first frame is an added T-pose and no motion: auto, true or false.",
-    )
-    start_s: float = Field(
-        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
-    )
-    stop_s: float | None = Field(
-        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
-    )
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 

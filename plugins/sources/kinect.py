@@ -7,15 +7,16 @@ from typing import Literal
 
 from pydantic import Field
 
-from imitor import Config, hookimpl
+from imitor import hookimpl
 from imitor.motion.clip import Clip
 from imitor.motion.kinect_file import read_capture, recognise
 from imitor.motion.kinect_recording import KinectOptions, make_kinect_recording
 from imitor.motion.kinect_timing import Timing
 from imitor.motion.recorded_source import RecordedSource
+from imitor.motion.recording_options import TakeConfig
 
 
-class KinectConfig(Config):
+class KinectConfig(TakeConfig):
     """Options of the Kinect source."""
 
     path: str = Field(description="The .csv or .txt file of skeleton points.")
@@ -62,16 +63,6 @@ class KinectConfig(Config):
         default="check",
         description="Left and right: check (refuse a mirrored body), keep, swap (exchange the names) or mirror "
         "(turn a mirrored picture round).",
-    )
-    start_s: float = Field(
-        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
-    )
-    stop_s: float | None = Field(
-        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
-    )
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 

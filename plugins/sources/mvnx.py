@@ -7,21 +7,18 @@ from typing import Literal
 
 from pydantic import Field
 
-from imitor import Config, hookimpl
+from imitor import hookimpl
 from imitor.motion.clip import Clip
 from imitor.motion.mvnx_file import read_mvnx
 from imitor.motion.mvnx_recording import MvnxOptions, make_mvnx_recording
 from imitor.motion.recorded_source import RecordedSource
+from imitor.motion.recording_options import RecordingConfig
 
 
-class MvnxConfig(Config):
+class MvnxConfig(RecordingConfig):
     """Options of the MVNX source."""
 
     path: str = Field(description="The MVNX file.")
-    floor: Literal["auto", "file"] | float = Field(
-        default="auto",
-        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
-    )
     legs: Literal["auto", "recorded", "unknown"] = Field(
         default="auto",
         description="Legs: recorded, unknown (knees and feet are lost), or auto: unknown where the file is an "
@@ -29,16 +26,6 @@ class MvnxConfig(Config):
     )
     height_m: float | None = Field(
         default=None, gt=0.0, description="Stature of the person; none: that of the T-pose [m]."
-    )
-    start_s: float = Field(
-        default=0.0, ge=0.0, description="Where to begin, from the first frame of the motion [s]."
-    )
-    stop_s: float | None = Field(
-        default=None, ge=0.0, description="Where to end, from the first frame of the motion [s]."
-    )
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 

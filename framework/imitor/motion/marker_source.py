@@ -6,19 +6,18 @@ from typing import Literal, TypeVar
 
 from pydantic import Field
 
-from imitor.kinds import Config
 from imitor.motion.clip import Clip
 from imitor.motion.marker_file import MarkerFile
 from imitor.motion.marker_recording import MarkerOptions, make_marker_recording
 from imitor.motion.marker_sets import choose_marker_set
 from imitor.motion.recorded_source import RecordedSource
+from imitor.motion.recording_options import RecordingConfig
 from imitor.registry import Registry
 
 
-class MarkerConfig(Config):
+class MarkerConfig(RecordingConfig):
     """Options of a source of optical markers."""
 
-    path: str = Field(description="The file.")
     marker_set: str = Field(
         default="auto", description="Marker set: auto, a card's name or the path of a card's .yaml file."
     )
@@ -31,22 +30,8 @@ class MarkerConfig(Config):
         default="auto",
         description="Axis of the file that points up: auto (as written, else by the body) or its name.",
     )
-    floor: Literal["auto", "file"] | float = Field(
-        default="auto",
-        description="Floor: auto (from the standing feet), file (its zero) or its height in the file [m].",
-    )
     height_m: float | None = Field(
         default=None, gt=0.0, description="Stature of the person; none: from the segments [m]."
-    )
-    start_s: float = Field(
-        default=0.0, ge=0.0, description="Where to begin, from the first frame with a body [s]."
-    )
-    stop_s: float | None = Field(
-        default=None, ge=0.0, description="Where to end, from the first frame with a body [s]."
-    )
-    mass_kg: float = Field(default=70.0, gt=0.0, description="Mass of the person [kg].")
-    sex: Literal["male", "female"] = Field(
-        default="male", description="Sex of the person, for the mass model."
     )
 
 
