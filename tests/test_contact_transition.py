@@ -20,7 +20,7 @@ from imitor.pipeline import Pipeline
 from imitor.plugins.stabilizers.savitzky_golay import weights
 from imitor.registry import Registry
 from imitor.spec import load_pipeline
-from imitor.types import SIDES
+from imitor.types import ROLE_INDEX, SIDES
 
 LOW, HIGH = np.array([-1.0]), np.array([2.0])
 
@@ -81,25 +81,45 @@ def test_without_a_scene_there_is_no_contact() -> None:
     assert not rows["share"].any() and not rows["held"].any()
 
 
-def test_a_real_recording_without_the_scene_is_not_held(shared: Path) -> None:
+def test_a_real_recording_is_not_in_the_performers_place(shared: Path) -> None:
     """A seated person who raises the arms: slowly enough for ROMEO's joints the hands are where they shall be."""
     file = shared / "mocap" / "art_targets_keraal" / "G3-Vicon-CTK-P1T1-Unknown-C-0.txt"
     registry = Registry(entry_points=False)
-    sets = ["environment=[]", "speed=0.25"]
-    pipeline = Pipeline(load_pipeline("tomic_2018", registry, input=file, sets=sets), registry)
-    off, held = [], 0
+    spec = load_pipeline("tomic_2018", registry, input=file, sets=["speed=0.25"])
+    assert spec.environment == []
+    assert [m.partition(",")[0] for m in spec.dropped] == ["environment: without drawer"]
+    pipeline = Pipeline(spec, registry)
+    robot = pipeline.robot
+    off, turned, held, lowest = [], [], 0, np.inf
     for record in pipeline.records():
         held += record.state.status != 0
-        off += [
-            np.linalg.norm(pipeline.stack[f"{s}_hand"].target[:3, 3] - pipeline.robot.position(f"{s}_hand"))
-            for s in SIDES
-        ]
+        lowest = min(lowest, robot.sole_corners()[..., 2].min())
+        for s in SIDES:
+            hand = robot.position(f"{s}_hand")
+            off.append(np.linalg.norm(pipeline.stack[f"{s}_hand"].target[:3, 3] - hand))
+            for near, far in (("shoulder", "elbow"), ("elbow", "wrist")):
+                a, b = (record.human.position[ROLE_INDEX[f"{s}_{joint}"]] for joint in (near, far))
+                turned.append(_angle(b - a, robot.position(f"{s}_{far}") - robot.position(f"{s}_{near}")))
     pipeline.close()
-    assert held == 0
+    assert held == 0 and abs(lowest) < 0.001  # it stands on the floor, though held by the pelvis
     assert np.sqrt(np.mean(np.square(off))) < 0.01
+    aside = np.array(turned).reshape(-1, 2, 2)[600:840]  # the arms are held aside, further than ROMEO's reach
+    assert aside[..., 0].max() < 55.0 and aside[..., 1].max() < 10.0
+
+
+def test_a_recording_may_be_made_in_the_performers_place(shared: Path) -> None:
+    file = shared / "mocap" / "art_targets_keraal" / "G3-Vicon-CTK-P1T1-Unknown-C-0.txt"
+    registry = Registry(entry_points=False)
+    sets = [f"environment.{name}.only_with=null" for name in ("drawer", "table", "table_leg")]
+    pipeline = Pipeline(load_pipeline("tomic_2018", registry, input=file, sets=sets), registry)
     with pytest.raises(RunError, match="begins inside 'table'"):
-        whole = Pipeline(load_pipeline("tomic_2018", registry, input=file), registry)
-        next(iter(whole.records()))
+        next(iter(pipeline.records()))
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Return the angle between two vectors [deg]."""
+    cosine = a @ b / (np.linalg.norm(a) * np.linalg.norm(b))
+    return float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def test_in_contact_the_hands_are_the_persons_and_nothing_jumps() -> None:

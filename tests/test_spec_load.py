@@ -193,6 +193,27 @@ def test_set_the_environment_refused(text: str, said: str, registry: Registry) -
     assert refused(registry, sets=[f"environment={TABLE}", text]) == [f"--set {text}: {said}"]
 
 
+OF_ACTOR = """[{name: table, shape: box, size_m: [1, 1, 0.03], only_with: actor},
+  {name: pole, shape: box, size_m: [1, 1, 2]},
+  {name: drawer, shape: box, size_m: [1, 1, 1], only_with: actor, slide: {axis: [1, 0, 0], range_m: 0.1}},
+  {name: handle, shape: box, size_m: [1, 1, 1], part_of: drawer}]"""
+
+
+def test_objects_of_another_source_are_left_out_and_told(registry: Registry) -> None:
+    own = load(registry, sets=[f"environment={OF_ACTOR}"])
+    assert ([o["name"] for o in own.environment], own.dropped) == (["table", "pole", "drawer", "handle"], [])
+    sets = [f"environment={OF_ACTOR.replace('actor', 'singer')}"]
+    other = load(registry, sets=sets)
+    assert [o["name"] for o in other.environment] == ["pole"]
+    assert other.dropped == [
+        "environment: without table, drawer, handle, which belong to the source 'singer', not to 'actor'; to keep one: "
+        "--set environment.table.only_with=null"
+    ]
+    kept = load(registry, sets=[*sets, "environment.drawer.only_with=null"])
+    assert [o["name"] for o in kept.environment] == ["pole", "drawer", "handle"]
+    assert load_text(kept.to_yaml(), registry).environment == kept.environment
+
+
 def test_set_an_object_of_what_is_no_list(registry: Registry) -> None:
     told = refused(registry, sets=["environment=5", "environment.table.size_m=[1, 1, 1]"])
     assert any("the environment has no object 'table'; there is none" in line for line in told)
@@ -338,7 +359,7 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
             st.lists(
                 st.fixed_dictionaries(
                     {
-                        "name": TEXT.filter(bool),
+                        "name": TEXT.filter(lambda name: name and "." not in name),
                         "shape": st.just("box"),
                         "size_m": st.lists(st.floats(1e-3, 100), min_size=3, max_size=3),
                     },

@@ -32,8 +32,6 @@ from imitor.spec import load_pipeline
 from imitor.types import SIDES
 
 PROGRAM = "benchmarks/papers/captures.py"
-SETS: dict[str, list[str]] = {"tomic_2018": ["environment=[]"]}
-"""What a preset needs changed for recordings that are not made in its own scene."""
 PATTERNS = ("*/*.c3d", "*/*.trc", "*/*.amc", "art_*/*-*.txt")
 
 
@@ -136,6 +134,24 @@ def hands(found: Attempt, done: Run) -> str:
     return ", ".join(value(found, f"end_effector_error_{side}_hand_m", scale=1e3, digits=0) for side in SIDES)
 
 
+def arms(found: Attempt, done: Run) -> str:
+    """Return the mean direction error of the upper arms and of the forearms, both sides [deg]."""
+    means = [
+        [found.figures.get(f"direction_error_{side}_{part}_deg", {}).get("mean") for side in SIDES]
+        for part in ("upper_arm", "forearm")
+    ]
+    return ", ".join("–" if None in pair else number(sum(pair) / len(pair), 1) for pair in means)
+
+
+def human_hands(found: Attempt, done: Run) -> str:
+    """Return the largest speed of the person's hands [m/s]."""
+    reference = done.reference
+    roles = [list(reference.role_names).index(f"{side}_hand") for side in SIDES]
+    moved = np.linalg.norm(np.diff(reference.role_position_m[:, roles], axis=0), axis=2)
+    speed = moved / np.diff(reference.time_s)[:, None]
+    return number(float(np.nanmax(speed)), 1)
+
+
 def hand_targets(found: Attempt, done: Run) -> str:
     """Return how far the robot's hands are from their targets, root mean square and most [mm]."""
     off = np.concatenate(
@@ -205,7 +221,8 @@ COLUMNS: dict[str, dict[str, Column]] = {
         **COMMON,
     },
     "tomic_2018": {
-        "direction error, worst segment (°)": direction,
+        "person's hands, fastest (m/s)": human_hands,
+        "direction error, upper arms, forearms (°)": arms,
         "hands from their targets, RMS, most (mm)": hand_targets,
         "hands from their shoulders, left, right (mm)": hands,
         **COMMON,
@@ -244,7 +261,7 @@ def main() -> None:
         str(p.relative_to(captures)) for pattern in PATTERNS for p in captures.glob(pattern)
     )
     for preset in args.presets or COLUMNS:
-        found, sets = [], [*SETS.get(preset, []), *args.sets]
+        found, sets = [], args.sets
         with ProcessPoolExecutor(args.jobs) as pool:
             tried = partial(attempt, preset=preset, sets=sets, captures=captures, frames=args.frames)
             for a in pool.map(tried, files):

@@ -76,6 +76,11 @@ class _Object(BaseModel):
     )
     slide: Slide | None = Field(None, description="How it can be pulled out; none: it stands still.")
     part_of: str | None = Field(None, description="Name of the sliding object that it moves with.")
+    only_with: str | None = Field(
+        None,
+        description="Name of the source in whose place it stands: with another source it is left out, and so is what "
+        "is part of it; none: it is there whatever the source.",
+    )
     graspable: bool = Field(
         False,
         description="Whether hands may touch it; the rest of the robot keeps off as from any other [-].",
@@ -151,6 +156,12 @@ def read_environment(environment: Sequence[Mapping[str, Any]]) -> list[Box | Cyl
         pydantic.ValidationError: An entry is wrong; a loaded pipeline has none of these.
     """
     return _ALL.validate_python([dict(entry) for entry in environment])
+
+
+def standing_with(source: str, items: Sequence[Box | Cylinder | Mesh]) -> list[bool]:
+    """Return for each object whether it is there with a source of this name."""
+    elsewhere = {item.name for item in items if item.only_with not in (None, source)}
+    return [item.name not in elsewhere and item.part_of not in elsewhere for item in items]
 
 
 def carriers(items: Sequence[Box | Cylinder | Mesh]) -> list[int]:

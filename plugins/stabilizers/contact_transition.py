@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -12,6 +12,9 @@ from pydantic import Field, model_validator
 from imitor import Component, Config, Configuration, HumanFrame, Stabilizer, TaskKind, TaskStack, hookimpl
 from imitor.tasks import Task
 from imitor.types import SIDES, Array
+
+if TYPE_CHECKING:
+    from imitor.contact.grips import Grips
 
 Vector = tuple[float, float, float]
 _LOG: Final = logging.getLogger("imitor")
@@ -59,8 +62,8 @@ class ContactTransitionConfig(Config):
     )
     placement_m: Vector | None = Field(
         None,
-        description="Shift of the robot from the person's place: forward, left, up; none: the smallest from which the "
-        "hands reach their grips [m].",
+        description="Shift of the robot from the person's place to reach the object: forward, left, up; none: the "
+        "smallest from which the hands reach their grips. Without an object the robot stands on the floor [m].",
     )
     grip_rpy_rad: Vector = Field(
         (0.0, 0.0, 0.0),
@@ -89,15 +92,17 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
     """Own hand paths in the free, the person's at an object, the robot growing between [tomic2018] T7, T8, T11.
 
     Without contact the hands go where the imitated joints, scaled locally into the limits, put them on the robot in its
-    own size (eq. 14). Within `radius_m` of a grip the model that gives the hands' targets grows to the person's size,
-    its pelvis goes to the person's: at the grip a hand's target is the person's hand. The share of growth depends
-    on the distance of the person's hand alone, with no step in velocity; leaving is the same way back.
+    own size (eq. 14); an arm far beyond its limits points as nearly as it can where the person's does. Within
+    `radius_m` of a grip the model that gives the hands' targets grows to the person's size, its pelvis goes to the
+    person's: at the grip a hand's target is the person's hand. The share of growth depends on the distance of the
+    person's hand alone, with no step in velocity; leaving is the same way back.
 
     It also tells which hands hold the object and how far they moved it: from when the person's hand reaches the grip
     until it leaves the object's travel. An object that slides, and what is part of it, moves along.
 
     It belongs after a mapper that gives the person's hands and joints, `virtual_marker_fit` or `marker_fit`. The pelvis
-    is anchored where the mapper has it, shifted by `placement_m`.
+    is anchored where the mapper has it, shifted by `placement_m`; without an object it is not shifted, and the robot
+    stands on its legs.
     """
 
     name = "contact_transition"
@@ -133,14 +138,18 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
 
     def start(self) -> None:
         """Prepare the limits and a robot in its own size."""
+        from imitor.contact.arm_within_limits import ArmWithinLimits
         from imitor.contact.local_limits import LocalLimits
 
         robot = self.robot
         self._limits = LocalLimits(robot.lower, robot.upper, self.config.limit_margin)
-        moved = np.zeros(robot.nv)
-        for _, task in self._hands:
-            moved = np.maximum(moved, robot.ancestors(task.frame))
-        self._arms = moved[6:] > 0.0
+        carry = [robot.ancestors(task.frame)[6:] > 0.0 for _, task in self._hands]
+        self._arms = np.any(carry, axis=0) if carry else np.zeros(robot.n, dtype=bool)
+        both = np.all(carry, axis=0) if len(carry) > 1 else np.zeros(robot.n, dtype=bool)
+        self._each_arm = [
+            (joints & ~both, ArmWithinLimits(robot, SIDES[i], joints & ~both))
+            for (i, _), joints in zip(self._hands, carry, strict=True)
+        ]
         self._grown = robot.scaled({})
         self._size = 1.0
 
@@ -154,6 +163,8 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         """Forget where the robot was placed."""
         self.placement: Array | None = None
         self.share: Array = np.zeros(2)
+        for _, arm in self._each_arm:
+            arm.reset()
         if self._grasp is not None:
             self._grasp.reset()
 
@@ -162,7 +173,11 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         self._move_object(stack)
         own = self._place(stack)
         q = self._posture.target.copy()
-        modified = np.where(self._arms, self._limits(q), q)
+        rest = q if self.grips is not None else self.robot.standing[7:]
+        scaled = np.where(self._arms, self._limits(q), rest)
+        modified = scaled.copy()
+        for joints, arm in self._each_arm:
+            modified[joints] = arm(q, scaled)
         pelvis = own if self._pelvis is None else self._pelvis.target
         for i, task in self._hands:
             self.share[i] = self._share(_position(task), i)
@@ -212,8 +227,7 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         """Anchor the robot's pelvis at its placement; return it, world from waist, shape (4, 4)."""
         pose = stack.anchor_pose if stack.anchor == "waist" else self._standing_pelvis()
         if self.placement is None:
-            given = self.config.placement_m
-            self.placement = self._found(pose) if given is None else np.asarray(given)
+            self.placement = self._shift(pose)
         own = pose.copy()
         own[:3, 3] += pose[:3, :3] @ self.placement
         if self._pelvis is not None:
@@ -227,19 +241,24 @@ class ContactTransition(Stabilizer[ContactTransitionConfig]):
         self._grown.update(self.robot.standing)
         return self._grown.pose("waist")
 
-    def _found(self, pelvis: Array) -> Array:
+    def _shift(self, pelvis: Array) -> Array:
+        """Return the placement, shape (3,) [m]: none without an object, that of the options, or the one found."""
+        if self.grips is None or not self._hands:
+            return np.zeros(3)
+        given = self.config.placement_m
+        return self._found(pelvis, self.grips) if given is None else np.asarray(given)
+
+    def _found(self, pelvis: Array, grips: Grips) -> Array:
         """Return the nearest placement from which the grips are in the workspace, all along the travel.
 
         Raises:
             ImitorError: There is none within reach.
         """
-        if self.grips is None or not self._hands:
-            return np.zeros(3)
         from imitor.contact.placement import REACHED, Workspace
         from imitor.errors import ImitorError
 
         c = self.config
-        poses = self.grips.poses(c.grip_rpy_rad, c.room_m)
+        poses = grips.poses(c.grip_rpy_rad, c.room_m)
         shift, miss = Workspace(self.robot).nearest_placement(pelvis, poses, c.search_m, c.rise_m)
         told = [round(float(x), 3) for x in shift]
         if miss > REACHED:

@@ -50,7 +50,7 @@ class Grips:
             raise ImitorError(
                 f"the environment has no object '{name}'"
                 + (f"; {hint}" if hint else "")
-                + f"; it has: {', '.join(objects) or 'none'}"
+                + f"; it has: {', '.join(objects) or 'none'}; to hold nothing: object: null"
             )
         position = np.asarray(objects[name].get("position_m", (0.0, 0.0, 0.0)), dtype=float)
         offset = np.asarray(offset_m, dtype=float)

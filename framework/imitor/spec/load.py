@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from imitor.environment import Box, Cylinder, Mesh, standing_with
 from imitor.errors import Problem, SpecError, did_you_mean
 from imitor.kinds import STAGE_KINDS, Config
 from imitor.registry import Registry
@@ -143,6 +144,7 @@ class _Loader:
         self.refuse_problems()
         if top is None or source is None:
             raise SpecError([Problem(self.document.path, 0, 0, "", "the pipeline could not be read")])
+        environment = self.standing(environment, top.environment, source.name)
         return PipelineSpec(
             name=Path(self.document.path).stem,
             path=self.path,
@@ -158,6 +160,22 @@ class _Loader:
             sinks=[_finished(s) for s in sinks],
             dropped=self.dropped,
         )
+
+    def standing(
+        self, environment: list[dict[str, Any]], items: Sequence[Box | Cylinder | Mesh], source: str
+    ) -> list[dict[str, Any]]:
+        """Leave out the objects of other sources, and say so."""
+        there = standing_with(source, items)
+        others = dict.fromkeys(item.only_with for item in items if item.only_with not in (None, source))
+        if others:
+            out = [item.name for item, here in zip(items, there, strict=True) if not here]
+            kept = next(item.name for item in items if item.only_with in others)
+            self.dropped.append(
+                f"environment: without {', '.join(out)}, which belong to the source {' or '.join(map(repr, others))}, "
+                f"not to '{source}'; to keep one: --set environment.{kept}.only_with=null"
+            )
+        kept_data = [data for data, here in zip(environment, there, strict=True) if here]
+        return [{k: v for k, v in data.items() if k != "only_with"} for data in kept_data]
 
     def group(self, data: dict[str, Any], name: str) -> list[Entry]:
         entries = data.get(name)

@@ -81,13 +81,14 @@ class PipelineSpec:
         rate_hz: Output rate [Hz]; ``None`` takes the source's.
         speed: Playback speed of the recording [-].
         settle_s: How long the last human frame is held [s].
-        environment: Objects around the robot, every default but an absent rotation written out.
+        environment: Objects around the robot with this source, every default but an absent rotation written out.
         seed: Seed of everything random.
         tracking: What happens when the person is lost.
         source: The source.
         stages: Filters, mappers, stabilizers, solvers and post-processors in order.
         sinks: The sinks.
-        dropped: Messages about options that a swapped plugin does not have.
+        dropped: Messages about what was left out: options that a swapped plugin does not have, objects that belong to
+            another source.
     """
 
     name: str = field(compare=False)
