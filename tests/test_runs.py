@@ -533,9 +533,8 @@ def test_a_preset_that_cannot_be_built_says_why(preset: str, monkeypatch: pytest
 
     monkeypatch.setattr(Pipeline, "_calibrate", fails)
     registry = Registry(entry_points=False)
-    with pytest.raises(
-        ImitorError, match=r"^not so$"
-    ):  # and not what then happens when the stages are closed
+    # And not what then happens when the stages are closed.
+    with pytest.raises(ImitorError, match=r"^not so$"):
         Pipeline(load_pipeline(preset, registry), registry)
 
 

@@ -13,7 +13,8 @@ class StepConfig(Config):
     lift_m: float = Field(
         0.03,
         gt=0,
-        description="rho: height to which a foot goes straight up before it follows the human's [m].",
+        description="Height to which a foot goes straight up before it follows the human's; rho of "
+        "[pennapoubel2014] [m].",
     )
     clearance_m: float = Field(
         0.02, ge=0, description="Least height of a free sole's lowest corner over the floor [m]."

@@ -14,7 +14,9 @@ import itertools
 from typing import Final
 
 import numpy as np
+import pinocchio as pin
 
+from imitor.ik.vectors import skew
 from imitor.robot.model import RobotModel
 from imitor.types import Array, BoolArray
 
@@ -29,6 +31,7 @@ _LARGEST_STEP: Final = 0.3
 _ENOUGH: Final = 1e-4
 """A step that moves no joint further ends the search [rad]."""
 _STEPS, _FIRST_STEPS = 3, 40
+"""Most steps of the search in a frame, and in the first one."""
 
 
 class ArmWithinLimits:
@@ -90,20 +93,19 @@ class ArmWithinLimits:
         """Bring the robot to joints of the arm; return elbow and hand, (3,) each [m], and the hand's rotation."""
         self._q[7 + self._index] = arm
         self._robot.update_frames(self._q, self._frames)
-        return [self._robot.position(r).copy() for r in self._roles], self._robot.rotation(
-            self._roles[-1]
-        ).copy()
+        points = [self._robot.position(r).copy() for r in self._roles]
+        return points, self._robot.rotation(self._roles[-1]).copy()
 
     def _nearer(self, x: Array, goal: tuple[list[Array], Array], own: Array) -> Array:
         """Return the joints after one step towards the minimum, within the limits."""
         points, rotation = self._at(x)
         spatial = self._robot.jacobian[:, 6 + self._index]
-        J = [(spatial[:3] - _cross(p) @ spatial[3:]) * m for p, m in zip(points, self._carried, strict=True)]
+        J = [(spatial[:3] - skew(p) @ spatial[3:]) * m for p, m in zip(points, self._carried, strict=True)]
         e = [g - p for g, p in zip(goal[0], points, strict=True)]
         if len(J) == 2:
             J[1], e[1] = J[1] - J[0], e[1] - e[0]  # the hand from the elbow
         J += [self._turn * spatial[3:] * self._carried[-1], self._joint * np.eye(len(x))]
-        e += [self._turn * _rotation_vector(goal[1] @ rotation.T), self._joint * (own - x)]
+        e += [self._turn * pin.log3(goal[1] @ rotation.T), self._joint * (own - x)]
         return _bounded(np.vstack(J), np.concatenate(e), x, self._low, self._high)
 
 
@@ -122,20 +124,6 @@ def _bounded(J: Array, e: Array, x: Array, low: Array, high: Array) -> Array:
         dx[outside] = (to - x)[outside]
         free &= ~outside
     return np.asarray(np.clip(x + dx, low, high))
-
-
-def _cross(p: Array) -> Array:
-    """Return the matrix of the cross product with a vector from the left, shape (3, 3)."""
-    return np.array([[0.0, -p[2], p[1]], [p[2], 0.0, -p[0]], [-p[1], p[0], 0.0]])
-
-
-def _rotation_vector(R: Array) -> Array:
-    """Return the rotation vector of a matrix, shape (3,) [rad]; of half a turn none, which tells no direction."""
-    axis = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    sine = float(np.linalg.norm(axis))
-    if sine < 1e-9:
-        return axis
-    return np.asarray(axis * (np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)) / sine))
 
 
 __all__ = ["ArmWithinLimits"]

@@ -48,9 +48,8 @@ class Teleport:
             return frame
         way = points - self._at
         allowed = self._speed * (time_s - self._time_s)
-        far = (
-            np.einsum("ij,ij->i", way, way) > allowed * allowed
-        )  # false for NaN: not seen, or never seen before
+        # False for NaN: not seen, or never seen before.
+        far = np.einsum("ij,ij->i", way, way) > allowed * allowed
         seen = ~(far | np.isnan(points[:, 0]))
         if self._any_out:
             back = (self._out & seen)[:N_ROLES]
